@@ -27,7 +27,8 @@ DEFAULT_MEMORY, DEFAULT_SECONDS = 4 * GIB, HOUR
 TOLD_SECONDS = 10.0
 """Work that is expected to take longer than this [s] is announced, so the user knows that it is running."""
 LARGEST_TRIED = 10**30
-"""The cost of any larger number is evaluated at this number, which exceeds every budget, and its powers are still floats."""
+"""A larger number is replaced by this one before its cost is evaluated: this one already exceeds every budget, and its powers do
+not overflow."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def in_force() -> Budget:
 
 
 def carried(work: Callable[[Given], Found]) -> Callable[[Given], Found]:
-    """Return the function in a form for other threads, with the budget that is in force here."""
+    """Return the function in a form that other threads can call under the budget that is in force here."""
     budgets = _IN_FORCE.get()
 
     def inside(given: Given) -> Found:
@@ -148,7 +149,7 @@ def require(
 ) -> None:
     """Raise InputError if a number makes work exceed the budget; the message gives the largest number that fits.
 
-    name   the field with which the sentence begins
+    name   the field with which the message begins
     cost   the cost of the work as a function of the number; it must not decrease
     least  the smallest meaningful number
     given  how the value is shown, by default "= 12"; ``fits`` formats the largest number that fits, by default "at most 7"
@@ -210,9 +211,9 @@ OPERATION_SECONDS, OPERATION_BYTES = 1e-4, 3500.0
 """The cost of tracing, optimising and compiling one operation; measured: 3.2 s and 280 MB for 40,000 operations, 35 s and 800 MB
 for 220,000."""
 MODES_SECONDS = 3e-8
-"""Seconds per cubed number of states for the eigenvalues of four Jacobians: 7 s for 600 states."""
+"""Seconds per cube of the number of states for the eigenvalues of four Jacobians: 7 s for 600 states."""
 LINEARISATION_SECONDS, LINEARISATION_BYTES = 4e-7, 1500.0
-"""Seconds per cubed and bytes per squared number of states: 12 s and 0.3 GB for 300 states."""
+"""Seconds per cube, and bytes per square, of the number of states: 12 s and 0.3 GB for 300 states."""
 CERTIFICATE_SECONDS = 0.3
 """Seconds for a small loop's certificate; the time grows with the square of the number of states."""
 KERNEL_BYTES, KERNEL_SECONDS = 1e6, 0.05
@@ -253,5 +254,6 @@ Progress = Callable[[float], None]
 
 
 def part_of(progress: Progress | None, start: float, width: float) -> Progress | None:
-    """A callback that reports the progress of a part of the work, from ``start`` to ``start + width``, to ``progress``."""
+    """A callback for a part of the work: it reports the part's progress to ``progress``, in the range from ``start`` to ``start +
+    width``."""
     return None if progress is None else lambda fraction: progress(start + width * fraction)

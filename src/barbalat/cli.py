@@ -103,7 +103,8 @@ def _answered(arguments: Sequence[str] | None) -> int:
         return TERMINATED
     except KeyboardInterrupt:
         say("interrupted")
-        # After an interrupt within exec, as in dataclasses, Python would end itself with the signal. This call prevents that.
+        # If an interrupt arrives within exec, which dataclasses uses, Python would end itself with the signal. This call prevents
+        # that.
         exec("")
         return INTERRUPTED
     except ValueError as error:

@@ -14,7 +14,7 @@ def slices(home: str, group: str, module: str) -> Iterator[ModuleType]:
     """Yield the modules with this name from all packages inside ``home``, then from all packages that entry points of ``group``
     name.
 
-    A distribution adds a plug-in by ``[project.entry-points."GROUP"]`` and ``name = "package"`` in its pyproject.toml. Raises
+    A distribution adds a plug-in with ``[project.entry-points."GROUP"]`` and ``name = "package"`` in its pyproject.toml. Raises
     InputError if an entry point can't be imported; the message names the distribution that declares it.
     """
     for package in packages_in(import_module(home)):

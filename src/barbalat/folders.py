@@ -17,7 +17,7 @@ from barbalat.validate import InputError, local_path
 def made(folder: Path, refusal: str) -> Iterator[None]:
     """Create a folder if necessary and test that it is writable. At the end, remove new folders that are still empty.
 
-    refusal  the error sentence for an unusable folder, to which the reason is appended
+    refusal  the error message for an unusable folder, to which the reason is appended
 
     Raises InputError if no file can be written there.
     """
@@ -48,7 +48,8 @@ def refused(refusal: str) -> Iterator[None]:
 
 
 def _remove_empty(folders: list[Path]) -> None:
-    """Remove folders from the innermost outwards, up to the first that is not empty: x/../y needs x."""
+    """Remove folders from the innermost outwards, up to the first that is not empty, because x/../y can be reached only while x
+    exists."""
     with contextlib.suppress(OSError):
         for folder in folders:
             if folder.exists():

@@ -48,7 +48,7 @@ def processes(count: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin(thresholds: tuple[int, int, int], limits: Budget) -> None:
-    """In a new process."""
+    """Set up a new process."""
     gc.set_threshold(*thresholds)
     limits.__enter__()
 
@@ -64,7 +64,7 @@ def deaf_children() -> Iterator[None]:
     if sys.platform == "win32" or current_thread() is not main_thread():  # signals can't be blocked or don't arrive here
         yield
         return
-    resource_tracker.ensure_running()  # it would otherwise unblock the signal when it is started with the first process
+    resource_tracker.ensure_running()  # it would start with the first process and unblock the signal
     with undisturbed():  # the signal may be delivered to a different thread
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:

@@ -95,7 +95,7 @@ class Dynamics(Protocol):
         ...
 
     def output(self, x: Value) -> Value:
-        """The measured output of a plant, or the output of a model that it is to follow: (n,), or a scalar."""
+        """The measured output of a plant, or the output of a model that the plant is to follow: (n,), or a scalar."""
         ...
 
 

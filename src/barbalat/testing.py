@@ -1,6 +1,6 @@
-"""Checks your own controller or adaptive law by the tests that the package applies to its schemes.
+"""Checks your own controller or adaptive law with the tests that the package applies to its schemes.
 
-``check(MyLaw())`` binds it to problems of every kind, compares runs with an integration by SciPy that shares no code with the
+``check(MyLaw())`` binds it to problems of every kind, compares runs with SciPy's integration, which shares no code with the
 kernel, and tests ensembles, a freeze and the exported C. The function returns the findings as plain sentences, or raises
 ``CheckFailed``, which lists all failures.
 """
@@ -46,8 +46,9 @@ REFERENCE_TOLERANCE = 1e-10
 """Relative and absolute tolerance of SciPy's integration."""
 AGREEMENT_FLOOR, AGREEMENT_FACTOR = 1e-7, 4.0
 """The largest admissible difference between a run and the reference, relative to the largest state, or as a multiple of the
-difference from a run at half the step. The error is at most twice that difference if the method keeps its order, or if the order
-falls to one at a corner. Halving the step must not increase the error, as it would if each stage changed the state."""
+difference between the run and a run at half the step. The error is at most twice that difference if the method keeps its order,
+or if the order falls to one at a corner. Halving the step must not increase the error, as it would if each stage changed the
+state."""
 SEVERAL_INPUTS = "several inputs"
 FOR_ONE_INPUT = "only this problem fails: if the law is for one input, let bind raise InputError where known.inputs > 1"
 FROZEN_SAMPLES = 5
@@ -283,8 +284,8 @@ def _command(problem: TrackingProblem, t: float) -> Array:
 
 
 def _is_alone_what_it_is_among_others(problem: TrackingProblem, controller: Controller) -> str:
-    """The members of an ensemble equal single runs bit for bit. Only problems with state feedback are tested, because their
-    plants can start elsewhere."""
+    """The members of an ensemble equal single runs bit for bit. Only problems with state feedback are tested, because only their
+    plants accept a different initial state."""
     if not isinstance(problem, Problem):
         members = [(problem, controller)] * 2
     else:

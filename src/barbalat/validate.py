@@ -27,7 +27,7 @@ Matrix: TypeAlias = Annotated[Any, "matrix"]
 class InputError(ValueError):
     """Unusable input: one sentence for the user, or several if more than one problem was found.
 
-    field       the field with which the sentence begins, dotted as in a case file, so no caller adds its path again
+    field       the field with which the message begins, dotted as in a case file, so no caller adds its path again
     controller  the name of the controller that the sentence names
     """
 
@@ -39,7 +39,7 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, field: str, what: str) -> InputError:
-        """An error whose sentence begins with the field and states the requirement and the given value."""
+        """An error whose message begins with the field and states the requirement and the given value."""
         return cls(f"{field} {what}", field=field)
 
 
@@ -60,7 +60,7 @@ MOST_SHOWN = 36
 
 
 def number(field: str, value: Any) -> float:
-    """Return the value as a float if it is a finite real number; InputError otherwise."""
+    """Return the value as a float if it is a finite real number; raise InputError otherwise."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError.of(field, f"must be a number, got {show(value)}")
     try:
@@ -73,7 +73,7 @@ def number(field: str, value: Any) -> float:
 
 
 def whole(field: str, value: Any, least: int, most: int | None = None) -> int:
-    """Return the value as an int if it is a whole number from ``least`` to ``most``; InputError otherwise."""
+    """Return the value as an int if it is a whole number from ``least`` to ``most``; raise InputError otherwise."""
     is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not is_whole or value < least or (most is not None and value > most):
         limits = f"of at least {least}" if most is None else f"from {least} to {most}"
@@ -82,7 +82,7 @@ def whole(field: str, value: Any, least: int, most: int | None = None) -> int:
 
 
 def positive(field: str, value: Any) -> float:
-    """Return the value as a float if it is finite and above zero; InputError otherwise."""
+    """Return the value as a float if it is finite and above zero; raise InputError otherwise."""
     result = number(field, value)
     if result <= 0:
         raise InputError.of(field, f"must be positive, got {show(value)}")
@@ -90,7 +90,7 @@ def positive(field: str, value: Any) -> float:
 
 
 def not_negative(field: str, value: Any) -> float:
-    """Return the value as a float if it is finite and not negative; InputError otherwise."""
+    """Return the value as a float if it is finite and not negative; raise InputError otherwise."""
     result = number(field, value)
     if result < 0:
         raise InputError.of(field, f"must not be negative, got {show(value)}")
@@ -282,7 +282,7 @@ def _controls(character: str) -> bool:
 
 
 def label(field: str, value: Any) -> str:
-    """Return the value if it is a non-empty text; InputError otherwise."""
+    """Return the value if it is a non-empty text; raise InputError otherwise."""
     if not isinstance(value, str) or not value:
         raise InputError.of(field, f"must be a nonempty string, got {show(value)}")
     return line(field, value)

@@ -1,4 +1,4 @@
-"""Steps of laws over one sample for which the estimate's Lyapunov function never grows; docs/sampled.md has the proofs.
+"""Steps of laws over one sample, in which the Lyapunov function of the estimate never grows; docs/sampled.md has the proofs.
 
 Each step is solved for the end of the sample, in closed form, with the regressor and the normalising signal taken at the middle
 of the sample. Each law has its own ``sampled_step``; this file contains what they share.
@@ -22,7 +22,7 @@ NO_FORGETTING_RATE = 1e-150
 
 
 def require_sampled(law: AdaptiveLaw, known_set: EstimateSet | None) -> SampledLaw:
-    """Return the law if it has a step over a sample; raises InputError if there is none, or none for this set."""
+    """Return the law if it has a step over a sample; raises InputError if it has no such step, or none that respects this set."""
     if not isinstance(law, SampledLaw):
         raise InputError(
             f"discretization = 'midpoint' needs a law with a sampled_step (adaptation.law), but {type(law).__name__} has none; "

@@ -123,7 +123,7 @@ class FreezableLaw(OutputErrorLaw, Protocol):
 
 @runtime_checkable
 class SampledLaw(Protocol):
-    """A law with an implicit step over a sample for which V never grows, (see ``adaptation.implicit``)."""
+    """A law with an implicit step over a sample, in which V never grows (see ``adaptation.implicit``)."""
 
     @property
     def metric(self) -> Gain:

@@ -73,7 +73,7 @@ class Case:
 
 @contextmanager
 def within(place: str) -> Iterator[None]:
-    """Prefixes an InputError with ``place``, unless its sentence begins with it or with a field in it."""
+    """Prefixes the message of an InputError with ``place``, unless the message begins with ``place`` or with a field in it."""
     try:
         yield
     except InputError as error:

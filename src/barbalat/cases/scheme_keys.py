@@ -19,7 +19,7 @@ from barbalat.validate import Array, InputError
 
 SAMPLING = keys_of(Sampled, Differences(optional=("sample_time",), without=("controller",)))
 SAMPLING["discretization"] = SAMPLING["discretization"]._replace(type=Literal[DISCRETIZATIONS])
-"""The keys with which any controller runs in sampled form, as on a flight computer."""
+"""The keys with which any controller runs in sampled form, as it would on a flight computer."""
 
 
 def sampling_of(keys: Mapping[str, Key]) -> dict[str, Key]:

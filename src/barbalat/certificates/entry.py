@@ -13,9 +13,10 @@ Kind = Literal["guaranteed", "guaranteed for the design", "exact", "estimate", "
 """How far a value can be trusted.
 
 guaranteed                a bound or a statement that holds for this case; every assumption was checked
-guaranteed for the design  the same, but only for the plant and the declared sets, not for the simulated plant ([truth]), and for
-the loop without faults; with a user's own set, not for all of the parameters' ranges exact                     exact for the
-linear loop that ``of`` names, and for no other loop estimate                  computed, without a guarantee
+guaranteed for the design  the same for the plant, the declared sets and the loop without faults, but not for the simulated plant
+                          ([truth]); with a user's own set, it does not cover all of the parameters' ranges
+exact                     exact for the linear loop that ``of`` names, and for no other loop
+estimate                  computed, without a guarantee
 advice                    a fact for orientation, without a claim about the loop
 does not apply            nothing is claimed for this case; ``why`` gives the reason
 """

@@ -62,7 +62,7 @@ def default_knobs(
 
 
 def unresolved(highest: float, how: str, simulation: Simulation) -> str:
-    """Return a text on the gains above the ``highest`` gain that is tried."""
+    """Return a sentence on the gains above the ``highest`` gain that is tried."""
     if simulation.tolerance is None:
         return f"gains above {highest:.3g}, which {simulation.step} does not resolve ({how}: an estimate)"
     steps = STEPS_EACH_RESOLUTION * simulation.t_end / simulation.resolution
@@ -70,7 +70,8 @@ def unresolved(highest: float, how: str, simulation: Simulation) -> str:
 
 
 STEPS_EACH_RESOLUTION = 2
-"""Number of variable steps (about 1.5 rad of the fastest oscillation each) per longest stable step of RK4 (2.8 rad)."""
+"""Number of variable steps per longest stable step of RK4: a variable step covers about 1.5 rad of the fastest oscillation, and
+the longest stable step 2.8 rad."""
 
 
 def knobs_of(controller: Controller, reach: TuningScale) -> TuningGrid:

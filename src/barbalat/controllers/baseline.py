@@ -52,8 +52,8 @@ class Equations:
 class BaselineAlone(Scheme):
     """u = k_0 r - theta_0'phi(x): the plant's baseline without adaptation; an unknown input gain is taken as 1.
 
-    nominal  theta_0, (p,); its default is, in this order, the baseline's theta_0, that of the declared [parameters], the middle
-             of the known set, or zero
+    nominal  theta_0, (p,); the default is the first that exists of the baseline's theta_0, theta_0 at the declared [parameters],
+             the middle of the known set, and zero
     """
 
     _: KW_ONLY

@@ -274,7 +274,7 @@ class L1Adaptive(Scheme):
 
 
 def require_low_pass(C: TransferFunction) -> TransferFunction:
-    """Return C(s) if it is strictly proper and stable with C(0) = 1; InputError otherwise."""
+    """Return C(s) if it is strictly proper and stable with C(0) = 1; raise InputError otherwise."""
     shown = f"num = {validate.show(C.num)}, den = {validate.show(C.den)}"
     if C.relative_degree < 1:
         raise InputError(f"filter must be strictly proper (degree of num below that of den), got {shown}")

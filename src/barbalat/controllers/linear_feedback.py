@@ -63,8 +63,8 @@ class LinearFeedback(Scheme):
     controller  K(s), proper, a TransferFunction, StateSpace or python-control system; it may contain an integrator. Starts at
                 rest
     output      c, (n,): the combination of states that is fed back; P b by default
-    nominal     theta_0, (n,): the assumed parameters; the default is, in this order, a baseline's theta_0, that of the declared
-                values of [parameters], the middle of the known set, or zero
+    nominal     theta_0, (n,): the assumed parameters; the default is the first that exists of a baseline's theta_0, theta_0 at
+                the declared values of [parameters], the middle of the known set, and zero
     unmodelled  W(s), stable and proper: the size of the unmodelled dynamics for which mu is computed; none by default
     anti_windup  > 0 [u for each unit of c'e]: K(s) also receives L (sat(u) - u). L is the gain of a Kalman filter that
                  measures the output of K(s) with noise of this size, for an error of size 1. For a PI controller whose k_p has

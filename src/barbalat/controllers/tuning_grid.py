@@ -50,9 +50,9 @@ class TuningScale:
     """The ranges of knobs for a case.
 
     highest_gain  the highest gain that the step resolves
-    highest_square  the highest product of a gain and the squared norm of its regressor that the step resolves: highest_gain for a
-                    different regressor
-    times         time constants [s], from five steps to the slowest one of the model; different in ``sampled``
+    highest_square  the highest product of a gain and the squared norm of its regressor that the step resolves, from which the
+                    highest gain for a different regressor follows
+    times         time constants [s], from five steps to the slowest one of the model; wider in ``sampled``
     density       number of values of a knob that is combined with another knob
     known         the known part of the plant
     sample_time   of a scheme that is always sampled [s]

@@ -141,7 +141,8 @@ def generalised_plant(G: StateSpace, W_S: StateSpace, W_KS: float, W_T: StateSpa
 
 
 def _effort(scaled: TransferFunction) -> float:
-    """W_KS: K S may be as large as the inverse of the model at ten over the delay, so that K rolls off above that frequency."""
+    """W_KS: K S may be as large as the inverse of the model at the frequency 10/delay, so that K rolls off above that
+    frequency."""
     return float(abs(scaled.at(10j)))
 
 
@@ -152,8 +153,8 @@ def _plant(scaled: TransferFunction, bandwidth: float) -> tuple[Array, Array, Ar
 
 
 def _largest_bandwidth(scaled: TransferFunction) -> float:
-    """Find the largest bandwidth for which a controller with norm below 1 exists, by bisection to 1 % between 0.001 and 10 over
-    the delay."""
+    """Find the largest bandwidth for which a controller with norm below 1 exists, by bisection between 0.001/delay and 10/delay,
+    to within 1 %."""
 
     def is_met(bandwidth: float) -> bool:
         return _suboptimal(_plant(scaled, bandwidth)) is not None

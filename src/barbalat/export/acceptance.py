@@ -268,7 +268,7 @@ class Acceptance:
 
     @cached_property
     def points(self) -> list[Array]:
-        """Accepted values at which all numbers differ as far as the case allows, the values of the case come last."""
+        """Accepted values at which all numbers differ as far as the case allows; the values of the case come last."""
         random = np.random.default_rng(0)
         return [*(self._moved(random) for _ in range(POINTS)), self.values]
 
@@ -378,7 +378,8 @@ class Acceptance:
         return Order(0.0, norm.radius, strict=not self._takes(there, norm.radius, 0.0))
 
     def _not_both(self, orders: Sequence[Order]) -> Iterator[Order]:
-        """Pairs of numbers on either side of a constant of which only one may equal it, as for control limits."""
+        """Pairs of numbers on either side of a constant, such as control limits; only one number of a pair may equal the
+        constant."""
         below = [one for one in orders if isinstance(one.low, int) and not isinstance(one.high, int) and not one.strict]
         above = [one for one in orders if isinstance(one.high, int) and not isinstance(one.low, int) and not one.strict]
         for a in below:

@@ -31,7 +31,7 @@ and evenly spread."""
 JUMPS = 3
 """Largest number of jumps and corners of commands and disturbances at and after which outages are tried."""
 TOLERATED = 2.0
-"""An outage is tolerated if the largest error of every component is below this multiple of that in the run without faults."""
+"""An outage is tolerated if the largest error of every component is below this multiple of its largest error without faults."""
 LOST_SHARES = (0.01, 0.1, 0.5)
 BURST_SHARE, BURST_SAMPLES = 0.1, 10
 
@@ -314,8 +314,8 @@ def _sized(signal: Array) -> Array:
 
 
 def _jumps(signals: Sequence[Signal], t_end: float) -> list[float]:
-    """At most JUMPS instants of jumps, or of corners without any jump, evenly chosen among those of at least half the largest
-    size of their signal; the first is among them."""
+    """At most JUMPS instants of jumps or, without any jump, of corners. They are chosen evenly, beginning with the first, among
+    those whose size is at least half the largest size for their signal."""
     jumps, corners = set[float](), set[float]()
     for signal in (one for one in signals if isinstance(one, BreakingSignal)):
         at = np.asarray(signal.breaks(0.0, t_end), dtype=float)

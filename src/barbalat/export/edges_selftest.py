@@ -24,7 +24,8 @@ def edges_tests(printed: Printed) -> str:
 
 
 def _beyond(printed: Printed, end: Any, towards: float) -> Any:
-    """The next number in this direction. Next to zero it is the smallest normal one: a computer may take others for zero."""
+    """The next number in this direction. Next to zero it is the smallest normal number, because a computer may treat smaller ones
+    as zero."""
     numbers = printed.contents.real.numbers
     return numbers(np.copysign(np.finfo(numbers).tiny, towards)) if end == 0 else np.nextafter(end, numbers(towards))
 
@@ -53,8 +54,8 @@ def _rates(printed: Printed) -> Iterator[str]:
 
 
 def _change(ends: tuple[Any, Any], most: Any, sign: int) -> tuple[Any, Any, Any]:
-    """A last value, the farthest value from it in this direction whose difference, as rounded, is at most ``most``, and the value
-    after that. The last one is None if the farthest value is at the end of the range."""
+    """Three values: a last value, the value farthest from it in this direction whose rounded difference is at most ``most``, and
+    the next value beyond. The third is None if the second is at the end of the range."""
     end, numbers = ends[sign > 0], type(most)
     last = numbers(0) if ends[0] <= 0 <= ends[1] and most <= abs(end) else ends[sign < 0]
     value = last + sign * most
@@ -67,7 +68,7 @@ def _change(ends: tuple[Any, Any], most: Any, sign: int) -> tuple[Any, Any, Any]
 
 
 def _controls(printed: Printed) -> Iterator[str]:
-    """A held control and that of a start are limited exactly from the actuator's limits on."""
+    """A held control, and the control of a start, are limited as soon as they exceed the actuator's limits, and not before."""
     contents = printed.contents
     numbers, logs = contents.real.numbers, {one.text: f"&log.{one.name}" for one in logged(printed)}
     for i, side in printed.limits():

@@ -27,7 +27,7 @@ CASES, MORE_CASES = 30, 100
 """The budget of a proof for one mutant, in cases: in the first pass, and in the second pass for mutants that are still
 undetected."""
 MOST = 1e30
-"""Assumed largest size of an intermediate number if no bound is proved for all of them: far beyond the range of accepted
+"""Assumed largest size of the intermediate numbers if no bound is proved for all of them: far beyond the range of accepted
 results."""
 ASSUMED = f", provided that no intermediate result exceeds {MOST:g}"
 """The words that end the description of a proof that needs this assumption."""

@@ -27,7 +27,7 @@ class Logged:
     row      row of the flat state
     minus    factors and rows of the subtracted entries
     text     C text of the number, if it is not simply an entry of the state
-    label its display name, with its unit
+    label    its display name, with its unit
     meaning  one phrase
     """
 

@@ -99,8 +99,8 @@ def _places(contents: Contents, script: list[tuple[int, int, int]]) -> list[int]
 
 
 def _run(contents: Contents, around: Around, script: list[tuple[int, int, int]], begun: int) -> tuple[Array, list[int]]:
-    """(K, n) the kept values after each step, computed by the list and the simulation's shell, and the outages; in the time of a
-    wrong call this number of samples has ``begun``."""
+    """(K, n) the kept values after each step, computed by the list and the simulation's shell, and the outages; by the time of a
+    wrong call, this number of samples has ``begun``."""
     layout, state, rows, outages = contents.layout, contents.initial, [], []
     kept: Kept = around.initial(np.zeros(contents.sizes[0]), contents.sizes[2])
     last_y = list(layout.measured.rows)

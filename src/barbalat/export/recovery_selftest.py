@@ -49,7 +49,7 @@ def _given(printed: Printed) -> str:
 
 
 def poked_parts(contents: Contents, *, kept: bool) -> list[StatePart]:
-    """Parts of the state whose values at the end of the range give a result out of range; learnt values are omitted if they
+    """Parts of the state that give a result out of range if they are at the end of the range; learnt values are omitted if they
     are ``kept``."""
     layout = contents.layout
     spared = [layout.theta_hat, layout.started, layout.measured, layout.part("held.baseline"), *checked_values(contents)]
@@ -71,8 +71,8 @@ def leads_out_of_range(contents: Contents, poked: list[range]) -> tuple[bool, bo
 
 
 def pushed(contents: Contents, poked: list[range]) -> tuple[int, str] | None:
-    """If these entries are at the end of their range, a sample, and C that pushes its result out of range with a bump. None if
-    every u vanishes in the rounding of such a bump."""
+    """A sample for a state with these entries at the end of their range, and C that pushes the result of this sample out of range
+    with a bump. None if every u vanishes in the rounding of such a bump."""
     u, vectors = list(contents.layout.u.rows), contents.vectors
     large = 4 + int(np.argmax(np.abs(vectors.states[4:-1, u]).max(axis=1)))
     for at in (4, large):

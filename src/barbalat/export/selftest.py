@@ -248,7 +248,7 @@ def _state_is(printed: Printed, state: Array) -> list[str]:
 
 
 def _started_at(printed: Printed) -> list[str]:
-    """After a start at the measurement of the second vector that keeps nothing, every number has the value of the case, up to
+    """After a start that keeps nothing, at the measurement of the second vector, every number has the value of the case, up to
     rounding."""
     contents = printed.contents
     counted = dict.fromkeys(("refused", *members(contents.around), *counters(contents.around)), 0)
@@ -364,8 +364,8 @@ static void test_standstill(void)
 
 
 def _standstill(printed: Printed) -> str:
-    """A lost sample that leads from the end of the range to beyond it is reported, and nothing changes. Such a sample exists for
-    most controllers."""
+    """A lost sample that takes a number from the end of its range to beyond it is reported, and nothing changes. Such a sample
+    exists for most controllers."""
     contents, layout = printed.contents, printed.contents.layout
     poked = [part for part in layout.parts if part not in (layout.theta_hat, layout.started, *checked_values(contents))]
     state = contents.vectors.states[1].copy()

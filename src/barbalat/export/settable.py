@@ -58,7 +58,7 @@ _ADVANCES = """\
 
 
 def parameter_names(printed: Printed) -> list[str]:
-    """The macros of all parameters, in their order."""
+    """The macros of all parameters, in order."""
     return [_macro(printed, one) for one in printed.contents.parameters]
 
 

@@ -91,8 +91,8 @@ def _limits(printed: Printed, at: int) -> list[str]:
 
 
 def _refused_beyond(contents: Contents, k: int, side: int) -> float | None:
-    """A value of a lower (side 0) or upper limit far beyond the other one, which the case rejects; None if it rejects no such
-    value."""
+    """A value of a lower (side 0) or upper limit that is far beyond the opposite limit and that the case rejects; None if it
+    rejects no such value."""
     values = np.array([one.value for one in contents.parameters])
     for far in (10.0, 1e3, 1e5):
         values[k] = far if side == 0 else -far

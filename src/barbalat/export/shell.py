@@ -111,9 +111,9 @@ def _held_in_range(printed: Printed) -> list[str]:
 
 
 def held_in_range(contents: Contents) -> dict[str, tuple[int, ...]]:
-    """The entries of the last good measurement and command, by the names of these, that are checked against their channels'
-    ranges: those that are within them even before the first good value. Where a rate is limited, the age of the last good value
-    shows whether there is one, and all entries with a range are checked."""
+    """By the names of the last good measurement and command, those of their entries that are checked against the ranges of their
+    channels: the entries that are within these ranges even before the first good value. Where a rate is limited, the age of the
+    last good value shows whether there is one, and all entries with a range are checked."""
     found = {}
     for part, rated, ranged, within, _ in _held(contents):
         set_later = [row in contents.starts for row in part.rows]
@@ -122,8 +122,8 @@ def held_in_range(contents: Contents) -> dict[str, tuple[int, ...]]:
 
 
 def in_own_range(contents: Contents) -> set[str]:
-    """The names of the last good measurement and command, of each only if every entry is always within its channel's range,
-    also before the first good one."""
+    """The names of those of the last good measurement and command of which every entry is always within its channel's range, even
+    before the first good value."""
     checked = held_in_range(contents)
     every = [(part, within, limits) for part, _, _, within, limits in _held(contents) if len(checked[part.name]) == part.size]
     return {part.name for part, within, limits in every if within.all() and (np.abs(limits) <= contents.range).all()}

@@ -52,7 +52,7 @@ def leaves_gaps(printed: Printed) -> bool:
 
 def wrong_time(printed: Printed, whole: int) -> tuple[float, int]:
     """A time in sample times that is outside every band, and the number of samples that have begun in it: halfway between two
-    multiples, the ``whole`` one and the next. If their bands leave no gap, it is less than half a sample time."""
+    multiples, the ``whole`` one and the next. If their bands leave no gap, the time is less than half a sample time."""
     return (whole + 0.5, whole + 1) if leaves_gaps(printed) else (0.25, 1)
 
 

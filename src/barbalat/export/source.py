@@ -143,8 +143,8 @@ def _usable_result(printed: Printed) -> str:
 
 
 def stored(contents: Contents) -> list[StatePart]:
-    """The arrays that need no test as results, because a sample stores inputs in them that were already checked, or counts in
-    them up to a limit."""
+    """The arrays that need no test as results, because a sample writes to them only inputs that were already checked, or a count
+    up to a limit."""
     layout = contents.layout
     counted = [part for part in layout.parts if part.path == "controller.span" and is_piecewise(contents)]
     return [layout.measured, layout.r, layout.started, *counted]
@@ -159,7 +159,7 @@ def estimate_ends(contents: Contents) -> Array:
 
 
 def _usable(printed: Printed) -> str:
-    """C text that checks the held control, of the stored inputs, of the fade and of the counters."""
+    """C text that checks the held control, the stored inputs, the fade and the counters."""
     held = {part.name: part.size for part in stored(printed.contents) if part.name not in in_own_range(printed.contents)}
     tests = [f"in_range(c->{name}, {printed.macro}_INPUTS)" for name in ("last_u", "bump")]
     tests += [*(f"in_range(c->{name}, {size})" for name, size in held.items())]

@@ -43,8 +43,8 @@ CANDIDATES = 384
 PAIRS = 6
 """Number of pairs, in every second round, between which the sides of a comparison are made equal."""
 BEGUN = 6
-"""Number of columns per round, at which a remaining fault changes a value, whose neighbours become candidates of the next
-round."""
+"""Number of columns per round whose neighbours become candidates of the next round; at these columns a remaining fault changes a
+value."""
 WIDE = 7.0
 """Decades by which the entries of some columns are scaled, for steps far outside the known set, where the projection rounds."""
 HALVINGS = 64

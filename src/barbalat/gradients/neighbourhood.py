@@ -129,7 +129,7 @@ def examined(source: CaseText | Case, path: FieldPath, *, redesign: bool) -> Mov
 
 
 def require_given(source: CaseText | Case, paths: Sequence[FieldPath]) -> None:
-    """InputError for a path that does not lead to a number of the case."""
+    """Raise InputError for a path that does not lead to a number of the case."""
     known = numbers_of(source, paths)
     for path in paths:
         if _value(known, path) is None:

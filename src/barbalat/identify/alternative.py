@@ -34,7 +34,8 @@ SURE = 15.0
 
 @dataclass(frozen=True)
 class Alternative:
-    """A different offset or delay [s], with the fit of the worst state on the validation samples, with it and without it."""
+    """A different offset or delay [s], with the fits of the worst state on the validation samples, both with and without this
+    change."""
 
     offset: bool
     delay: float | None

@@ -121,7 +121,8 @@ class Verdict:
 
     kind           lost, limit cycle, off (bounded, but outside the band), or follows
     component      the name of the component that is worst relative to its band. For a run that is not lost, it is chosen among
-                   the states that are declared to follow a command, unless the run is off and only others are outside their bands
+                   the states that are declared to follow a command, unless the run is off and only other states are outside
+                   theirs
     beside         the worst component if that is a different one; otherwise the worst of the declared states
     error, band    the tail's largest |error| of ``component``, and its band, in the plant's unit
     scale          the scale of which the component's band is a fraction by default

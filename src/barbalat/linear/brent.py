@@ -1,4 +1,4 @@
-"""A zero or a minimum between two points, by SciPy's form of Brent's methods, which is imported at the first search."""
+"""A zero or a minimum between two points, found with SciPy's form of Brent's methods, which is imported at the first search."""
 
 from __future__ import annotations
 

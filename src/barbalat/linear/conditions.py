@@ -84,7 +84,7 @@ def unobservable_mode(A: Array, C: Array, *, stable_too: bool = True) -> complex
 
 
 def smallest_eigenvalue(P: Array) -> float:
-    """A guaranteed lower bound of lambda_min of the symmetric positive definite P, as tight as rounding allows.
+    """A guaranteed lower bound on lambda_min of the symmetric positive definite P, as tight as rounding allows.
 
     Raises InputError if P is not positive definite.
     """

@@ -1,4 +1,4 @@
-"""Stabilising solutions of Riccati equations, by SciPy's solvers in scaled coordinates.
+"""Stabilising solutions of Riccati equations, computed with SciPy's solvers in scaled coordinates.
 
 SciPy scales the pencil of an equation only roughly: with the covariance of a fine encoder, R = 1e-13, its solver fails or loses
 all digits. Here the states are scaled by powers of two that balance the Hamiltonian matrix, and the weight R becomes I.

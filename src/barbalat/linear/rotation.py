@@ -61,7 +61,7 @@ class Rotation:
         return np.asarray(self._each(w) @ self._sense - w * self.delay)
 
     def phase(self, w: Array) -> Array:
-        """Return the phase of L(j w) e^(-j w d), without jumps [rad]."""
+        """Return the unwrapped phase of L(j w) e^(-j w d) [rad]."""
         return self._start + self._arcs(w)
 
     def swing(self, left: Array, right: Array) -> tuple[Array, Array]:

@@ -166,11 +166,11 @@ class SampledLoop:
 
 
 def _turns(function: Callable[[Array], Array], angles: Array) -> int | None:
-    """The number of turns of the function around zero along the circle, from its values on the upper half, where the other half
-    has the conjugate values.
+    """The number of turns of the function around zero along the circle, from its values on the upper half; the values on the
+    other half are their conjugates.
 
     An interval is halved until the values at its ends and in its middle are close to a straight line that stays away from zero.
-    None if there are too many intervals, since rounding prevents that.
+    None if rounding errors would require too many intervals.
     """
     values = function(angles)
     ends, total = (angles[:-1], angles[1:], values[:-1], values[1:]), 0.0
@@ -309,7 +309,8 @@ class _DelaySearch:
         raise InputError(f"no delay up to {MOST_SAMPLES_OF_DELAY} samples destabilises the loop; longer ones were not tried")
 
     def _loss(self, stable: float, unstable: float, w: float) -> float:
-        """The delay between these two at which stability is lost; the nearer the stable one, the nearer w to the frequency."""
+        """The delay between these two at which stability is lost; the nearer the stable delay is to it, the nearer w is to the
+        critical frequency."""
         while unstable - stable > LOSS_WITHIN * self.loop.T:
             if stable <= (found := self._zero(stable, w)) <= unstable:
                 return found

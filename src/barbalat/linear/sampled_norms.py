@@ -1,4 +1,4 @@
-"""Upper bounds of the response of a stable system s[k+1] = M s[k] + N w[k], y[k] = C s[k] at its samples, by sums and tails.
+"""Upper bounds on the response of a stable system s[k+1] = M s[k] + N w[k], y[k] = C s[k] at its samples, by sums and tails.
 
 With P - M'PM >= q I > 0, |M s|_P <= beta |s|_P, beta^2 = 1 - q/lambda_max(P): the part that is not summed is at most a
 geometric series. P is the solution for q = 1, and q is then computed from this P, minus its rounding errors.
@@ -47,7 +47,7 @@ class SampledNorms:
         return self._bounded(s, 2)[0]
 
     def largest(self, s: Array) -> Array:
-        """max_k |C M^k s|, of the shape of ``summed``."""
+        """max_k |C M^k s|, in the shape of ``summed``."""
         return self._bounded(s, np.inf)[0]
 
     def samples(self, s: Array) -> int:
@@ -80,7 +80,7 @@ class SampledNorms:
 
 
 def _contraction(M: Array) -> tuple[Array, float]:
-    """A root with root'root = P, and a lower bound of 1 - beta; raises InputError if this P shows none."""
+    """A root with root'root = P, and a lower bound on 1 - beta; raises InputError if this P shows none."""
     from scipy.linalg import LinAlgError, LinAlgWarning, cholesky, solve_discrete_lyapunov
 
     try:

@@ -44,11 +44,11 @@ core."""
 MOST_SEGMENTS = 2000
 """Largest number of segments for one norm; the remainder is bounded by its decay."""
 CLOSE = 1.1
-"""A bound is not refined if its relative distance to a norm that is attained at some theta is below this."""
+"""A bound is not refined if its ratio to a norm that is attained at some theta is below this."""
 MOST_STATES = 30
 """Largest number of states of the loop with its variations."""
 WIDE = 0.01
-"""Relative width of the enclosures for cells whose estimates are below the largest bound by more than this share."""
+"""Cells whose estimates are below the largest bound by more than this fraction first get enclosures of this relative width."""
 CLOSENESS = 2.0**-36
 """Width of the enclosures proven by witnesses, relative to the norms: far below ROUNDED."""
 ROUNDED = 1 + 1e-9

@@ -85,7 +85,8 @@ def keeps_V_in_corners(gamma: float | Array, known_set: EstimateSet | None) -> A
 
 
 def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
-    """Why (9) and (10) do not hold with the law's modifications, as a sentence; None if V decreases as without modifications.
+    """Why (9) and (10) do not hold with the law's modifications, as a sentence; None if V decreases as it does without
+    modifications.
 
     V decreases with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma whose
     M_0 bounds every relevant theta.

@@ -118,7 +118,7 @@ def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, notes: li
 
 
 def _peaks(loop: StateSpace, delay: float, which: str, notes: list[str]) -> dict[str, float]:
-    """max |S| and max |T|; a finding if they are not known."""
+    """Add max |S| and max |T|, or a finding if they are not known."""
     try:
         if delay > 0:
             S, T = delayed_peaks(loop, delay)

@@ -2,7 +2,7 @@
 
 A sampled loop is analysed at the extreme points and at the theta of the case, and also checked for stability at seeded points; an
 input gain of the known set is varied with theta. A delay margin of a sampled loop takes as long as a hundred other margins, so it
-is computed only where the ratio of phase margin and frequency is smallest. A set that follows from ranges of physical parameters
+is computed only where the ratio of phase margin to frequency is smallest. A set that follows from ranges of physical parameters
 is not searched (see ``over_ranges``).
 """
 
@@ -119,7 +119,8 @@ def _is_searched(problem: Problem) -> bool:
 
 
 def add_at_rest(draft: Draft, problem: Problem) -> None:
-    """Add the margins over the known set of the loop to which every scheme with C = 1 reduces; nothing without a known set."""
+    """Add the margins, over the known set, of the loop to which every scheme with C = 1 reduces; add nothing without a known
+    set."""
     known_set = problem.uncertainty
     if known_set is not None and _is_searched(problem):
         with draft.part(MARGINS_KEY):
@@ -143,7 +144,7 @@ def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
 
 
 def add_fixed(draft: Draft, problem: Problem, around: Callable[[Plant], StateSpace]) -> None:
-    """Add the margins over the known set, and over the interval of an unknown input gain, of a linear controller's loop."""
+    """Add the margins of a linear controller's loop over the known set and over the interval of an unknown input gain."""
     known_set = problem.uncertainty
     if known_set is not None and _is_searched(problem):
         family = LoopsOverTheta(problem.plant, around, problem.sensor_lag, problem.known.gains)
@@ -152,7 +153,7 @@ def add_fixed(draft: Draft, problem: Problem, around: Callable[[Plant], StateSpa
 
 
 def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
-    """Add the margins over the known set of a linear controller's sampled-data loop, for one input and phi(x) = x."""
+    """Add the margins of a linear controller's sampled-data loop over the known set, for one input and phi(x) = x."""
     plant = problem.plant
     add_sampled_at(
         draft,

@@ -52,7 +52,7 @@ from barbalat.validate import Array, InputError
 MARGINS_KEY = "margins_over_known_set"
 DRAWN, DELAYS = 40, 3
 """Seeded points inside the ranges, and number of points at which the delay margin of a sampled loop is computed. These are the
-points with the smallest ratio of phase margin and frequency, because the computation takes as long as a hundred other margins."""
+points with the smallest ratio of phase margin to frequency, because the computation takes as long as a hundred other margins."""
 SEARCHED = (
     "{count} plants of the parameters' ranges, at {corners} corners, the nominal values and {drawn} seeded points: "
     "the smallest found, not a guarantee"

@@ -46,9 +46,9 @@ from barbalat.validate import Array, InputError
 PARTS = 16
 """Number of parts of a sample; the motion is exact at their ends."""
 BENDS = PARTS, 4, 1
-"""Numbers of parts that share a bound of x'' in a proof, which is checked the faster the fewer bounds there are."""
+"""Numbers of parts that share a bound on x'' in a proof; the fewer bounds there are, the faster the proof is checked."""
 TRAPEZOIDS = 4
-"""Number of parts of a sample in a proof's bound of the effect of a disturbance."""
+"""Number of parts into which a proof divides a sample to bound the effect of a disturbance."""
 
 
 class Response(NamedTuple):
@@ -91,15 +91,14 @@ class _Whole:
 
 
 def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Response:
-    """Bounds for commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``.
-
-    InputError if the loop decays too slowly.
+    """Bounds for commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``. Raises InputError if the loop decays too
+    slowly.
     """
     return _response(problem, _whole(problem, controller), r, d)
 
 
 def _response(problem: Problem, whole: _Whole, r: Array, d: Array, bends: int | None = None) -> Response:
-    """The bounds; with ``bends``, those that ``barbalat-check`` finds if so many parts share a bound of x''."""
+    """The bounds; with ``bends``, those that ``barbalat-check`` finds if this number of parts share a bound on x''."""
     loop, M = whole.loop, whole.loop.closed(problem.delay)
     reached, weights = (_reached if bends is None else _trapezoids)(loop.A, whole.B, loop.T)
     share = TAIL_SHARE if bends is None else PROVEN_SHARE
@@ -222,7 +221,7 @@ def _reached(A: Array, B: Array, T: float) -> tuple[Array, Array]:
 
 
 def _trapezoids(A: Array, B: Array, T: float) -> tuple[Array, Array]:
-    """The same with fewer columns: by the trapezoidal rule for |e^(A s) B|, and h^2/12 times a bound of |e^(A s) A^2 B|."""
+    """The same with fewer columns: by the trapezoidal rule for |e^(A s) B|, and h^2/12 times a bound on |e^(A s) A^2 B|."""
     if B.shape[1] == 0:
         return np.zeros((len(A), 0)), np.zeros((0, 0))
     s, count = B.shape

@@ -20,8 +20,8 @@ from barbalat.problem.plant import Plant
 from barbalat.validate import Array, InputError
 
 POINTS_INSIDE, POINTS_AROUND, ROUNDS, MOST_EXTREMES = 1000, 200, 4, 1024
-"""Numbers of seeded points inside the set and around the worst point of each margin in each round (a quarter as wide), and the
-largest number of extreme points."""
+"""Numbers of seeded points inside the set, of seeded points around the worst point of each margin in a round, and of rounds; the
+largest number of extreme points. In each round the points lie in a box a quarter as wide as in the round before."""
 EXACT_VERTICES, EXACT_POINTS = 64, 20
 """Numbers of extreme points, and of the worst screened points for each margin, that are computed exactly."""
 SCREENED_AT_ONCE = 32

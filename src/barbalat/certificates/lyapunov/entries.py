@@ -81,7 +81,7 @@ def _shown(problem: TrackingProblem, controller: Controller, *, free_phi: bool) 
 
 
 def add_bounds(draft: Draft, problem: TrackingProblem, handed: Handed) -> None:
-    """Add the results of the proof for V, and the bounds of e and of the estimates."""
+    """Add the results of the proof for V, and the bounds on e and on the estimates."""
     found, rests_on = handed
     if isinstance(found, NotApplicable) or not isinstance(problem, Problem):
         why = found.why if isinstance(found, NotApplicable) else rests_on[-1].broken

@@ -134,7 +134,7 @@ class Reading:
 
 
 def read(problem: Problem, controller: Controller, *, free_phi: bool = False) -> Reading:
-    """Read the loop, if ``free_phi`` with free variables for phi(x).
+    """Read the loop; with ``free_phi``, free variables replace phi(x).
 
     Raises NotRational if the code is not a rational function, or does not agree with its values on numbers.
     """

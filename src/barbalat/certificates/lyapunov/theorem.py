@@ -88,7 +88,7 @@ class Share(NamedTuple):
 class Steps(NamedTuple):
     """The parts of the proof.
 
-    recorded  of each matrix that stays nonnegative
+    recorded  the proof of each matrix that stays nonnegative
     decay     None if V' = -W identically
     limit     the share of |e|^2; None if it is not shown that e converges to zero
     """

@@ -93,7 +93,7 @@ class _File:
         return {"share": str(share.share)} | self.proof(share.proof)
 
     def written(self, problem: Problem) -> Written | NotApplicable:
-        """The whole, or the reason why the checker has no rule for it."""
+        """The facts and witnesses of the whole proof, or the reason why the checker has no rule for it."""
         reading, found = self.reading, self.found
         W = self.ring.exact(reading.declared.W)
         zero = declared_zero(reading)

@@ -2,7 +2,7 @@
 
 With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a constant sigma and a constant state, and sigma_hat = -G
 x~. F is the step of the predictor, and S the effect of sigma over a sample. Hence sigma_hat(infinity) = G (I - F + S G)^-1 S
-sigma, which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
+sigma, which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown; neither equals I.
 
 ``distance`` bounds the distance of the loop from the reference system of its theory, for the plant (1) with phi(x) = x.
 

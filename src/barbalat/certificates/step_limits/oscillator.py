@@ -32,7 +32,7 @@ def largest_step(simulation: Simulation, modes: Array) -> float:
 
 
 def amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
-    """Whether the method amplifies a mode: |R| exceeds max(1, |e^z|) by enough for a factor e over the run."""
+    """Whether the method amplifies a mode: |R| exceeds max(1, |e^z|) by enough for growth by a factor of e over the run."""
     z = h * modes
     with np.errstate(divide="ignore"):
         spurious = np.log(np.abs(simulation.solver.amplification(z))) - np.maximum(z.real, 0)

@@ -50,7 +50,7 @@ from barbalat.validate import InputError, Named, counted
 DEFAULT_MEMBERS = 200
 """Number of validation runs. With this number, the interval of a median ratio extends over 7 % of the runs to either side."""
 TUNING_SHARE = 0.85
-"""Approximate fraction of the time that the search takes. The validation runs take the rest."""
+"""The search takes approximately this fraction of the time. The validation runs take the rest."""
 
 
 def contest(
@@ -107,7 +107,7 @@ def contest(
 
 
 def posed(problem: TrackingProblem, target: Target = CONTEST) -> Problem:
-    """Return the problem if a contest, or another target, can be held on it. InputError otherwise."""
+    """Return the problem if a contest, or another target, can be held on it; raise InputError otherwise."""
     target.require(problem)
     assert isinstance(problem, Problem)
     return problem
@@ -220,7 +220,7 @@ HELD_OUT = Estimate(memory=20e3, seconds=2e-3)
 
 
 def search_seconds(steps: float, entrants: int, trials: int, plants: int) -> float:
-    """Return the time of one core [s] for a search over this number of tunings of each entrant on this number of plants."""
+    """Return the time [s] on one core of a search over this number of tunings of each entrant on this number of plants."""
     return entrants * trials * plants * RUNS_EACH_PLANT * (RUN_SECONDS + steps * STEP_SECONDS)
 
 

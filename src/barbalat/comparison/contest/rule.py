@@ -137,8 +137,8 @@ DEFAULT_NOISE_SHARE = 1e-3
 
 
 def with_noise(problem: Problem, share: float, simulation: Simulation, sample_time: float, seed: int) -> Problem:
-    """Return the problem, with added Gaussian noise if it has neither noise nor a quantised measurement. A ``share`` of 0 adds
-    none.
+    """Return the problem, with added Gaussian noise if it has neither noise nor a quantised measurement. A ``share`` of 0 adds no
+    noise.
 
     sample_time  approximate time for which a value is held [s]: the nearest whole number of solver steps
     """

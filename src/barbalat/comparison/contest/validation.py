@@ -122,8 +122,8 @@ class Validation:
     error     (M,) RMS |e| relative to the RMS of |x_m|; infinite for a run that failed
     unsound   (M,) whether the judge calls the run lost or a limit cycle
     diverged  (M,) whether the run diverged
-    lost      (M,) whether the judge calls the run lost or, if the rule ends margins at the onset, a limit cycle, or the run
-        follows its model in no component
+    lost      (M,) whether the judge calls the run lost (or a limit cycle, if the rule ends margins at the onset), or the run
+              follows its model in no component
     delay, gain_up, gain_down  (M,) whether the run does not tolerate the delay and gains of the rule, on these plants
         and commands
     effort    (M,) the largest |u|; NaN if the run diverged

@@ -42,7 +42,7 @@ STEP_MEMBERS, EXTREME_MEMBERS = 12, 6
 """Numbers of random validation plants, and of extreme plants in addition to those of the tuning. Each takes three recorded
 runs."""
 SEARCH_SHARE, FIRST_ROUND_SHARE = 0.85, 0.4
-"""Approximate fractions of the time that the search, and the first round of it, take."""
+"""The search, and the first round of it, take approximately these fractions of the time."""
 ROUNDS = 2
 """Number of validation plants with failures that are added to the tuning plants. They are added once, unless an entrant with a
 smaller error on the tuning plants meets everything."""
@@ -52,7 +52,8 @@ ASKED_IN_WORDS = {
     "gain": "tolerates the gain multiplied and divided by {:.3g}",
 }  # fmt: skip
 CLEARLY_LESS = 0.9
-"""Largest ratio of two factors by which a requirement is missed at which adaptation counts as helpful."""
+"""A candidate misses a requirement by clearly less than another one if the ratio of the factors by which they miss it is below
+this."""
 LOST = "lost"
 """The requirement, which always applies, that no validation run is lost or in a limit cycle."""
 
@@ -72,7 +73,7 @@ class Candidate:
     worst     by requirement, the value on the worst tuning plant
     factor    by requirement, the used fraction of the admissible value; above 1 the requirement is not met
     held_out  by requirement, the fraction of the validation plants on which it is not met
-    step      by requirement on a step, the worst of the judged steps; empty if there is only one
+    step      by requirement on a step, the worst of the judged steps; empty if only one step is judged
     """
 
     tuned: Qualified
@@ -93,7 +94,7 @@ class Candidate:
     @property
     def distance(self) -> float:
         """The distance from the specification: the root of the sum of the squared logarithms of the factors by which requirements
-        are violated, without requirements that are violated beyond any factor."""
+        are violated. Requirements that are violated beyond any factor are left out."""
         return math.hypot(*(math.log(value) for value in self.misses.values() if math.isfinite(value)))
 
     @property

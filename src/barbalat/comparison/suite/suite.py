@@ -351,7 +351,7 @@ def _on_case(
 def _side_by_side(
     suite: Suite, names: Sequence[str], schemes: Sequence[str], count: int, progress: Progress | None
 ) -> list[Part]:
-    """Measure the registered schemes on each case, in this number of processes."""
+    """Measure the registered schemes on each case; ``count`` cases run in parallel."""
     with own_processes(count) as pool:
         with deaf_children():
             parts = [pool.submit(_on_case, suite, name, (), True, schemes, 1) for name in names]

@@ -66,7 +66,8 @@ class UnseenPlants:
 
     @property
     def worst_plant(self) -> dict[str, Any]:
-        """The theta of the worst plant, and its parameters if plants are drawn from their ranges; None where there is none."""
+        """The theta of the worst plant, and its parameters if plants are drawn from their ranges; None for what does not
+        exist."""
         theta = {} if self.thetas is None else {"theta": self.thetas[self.worst].tolist()}
         return theta if self.drawn is None else {**theta, "parameters": self.drawn[self.worst]}
 
@@ -174,7 +175,7 @@ class Tuning(Plotted):
         }
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """Draw the front of each controller as a Matplotlib figure. InputError without a constraint.
+        """Draw the front of each controller as a Matplotlib figure. Raises InputError without a constraint.
 
         shown  whether to display the figure at once, if pyplot is in use
         """
@@ -239,7 +240,7 @@ class Best(NamedTuple):
     evaluated ones.
 
     check    the result of a finer step for the nearest tuning, which is the chosen tuning if there is one
-    refused  the results for better tunings that meet every constraint only with the step of the case
+    refused  the results for better tunings that meet every constraint only at the step of the case
     """
 
     chosen: Trial | None

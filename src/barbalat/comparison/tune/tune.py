@@ -45,7 +45,7 @@ DEFAULT_TRIALS = 384
 """Number of tunings tried for each controller: a spread of 128, a generation over the whole space, four around the best tuning,
 and three stars."""
 SEARCH_SHARE = 0.75
-"""Approximate fraction of the time for a controller that the search takes. The front and the new plants take the rest."""
+"""The search takes approximately this fraction of the time for a controller. The front and the new plants take the rest."""
 
 
 def tune(

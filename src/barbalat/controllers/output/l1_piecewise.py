@@ -97,7 +97,8 @@ class L1OutputPiecewiseConstant(Scheme):
     (c'x_hat - y), Phi = A_m^-1 (e^(A_m T) - I), g = P^-1 c/(c'P^-1 c), A_m'P + P A_m = -I.
 
     sample_time  T [s]; a whole number of solver steps if these are fixed
-    filter       C(s): stable, C(0) = 1, with a relative degree that is not below the model's; by the trapezoidal rule, from rest
+    filter       C(s): stable, C(0) = 1, with a relative degree that is not below the model's; discretised by the trapezoidal
+                 rule; starts at rest
     saturated_predictor  against windup: the predictor receives sat(u); off by default
 
     Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 4.2; Cao and Hovakimyan, J. Guidance, Control, and

@@ -61,7 +61,7 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class LinearOutput(Scheme):
-    """u = K(s)[y_m - y], or u = F(s)[r] - K(s)[y] if a feedforward is given; both proper, from rest.
+    """u = K(s)[y_m - y], or u = F(s)[r] - K(s)[y] if a feedforward is given; both are proper and start at rest.
 
     loop         K(s)
     feedforward  F(s); none by default
@@ -115,8 +115,8 @@ class LinearOutput(Scheme):
 
 
 def observable_form(numerators: list[Array], den: Array) -> tuple[Array, list[StateSpace]]:
-    """Transfer functions with a common denominator as one system, in the transposed canonical form: A and C common, B and D
-    for each."""
+    """Transfer functions with a common denominator as one system, in the transposed canonical form: they share A and C, and each
+    has its own B and D."""
     order = len(den) - 1
     columns = []
     for numerator in numerators:

@@ -1,4 +1,4 @@
-"""L1 norms with guaranteed enclosures; by ball arithmetic with python-flint (Arb)."""
+"""L1 norms with guaranteed enclosures, computed in ball arithmetic with python-flint (Arb)."""
 
 from barbalat.linear.enclosure import Enclosure, float_above, float_below
 from barbalat.linear.l1_norms.norm import l1_norm

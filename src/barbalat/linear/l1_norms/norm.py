@@ -71,8 +71,8 @@ class _Rung:
     contraction: arb  # e^(-rate length)
     remainder: arb  # bound on the integrated Taylor remainder, per unit of norm(A^(POLYNOMIAL_DEGREE + 1) x)
     error_growth: arb  # sqrt(length): integral of |c e^(As) e| over the segment, per unit of norm(e)
-    monomial: list[arb_mat]  # per row: state to Taylor coefficients in the segment time 0 .. 1
-    bernstein: list[arb_mat]  # per row: state to Bernstein coefficients
+    monomial: list[arb_mat]  # for each row, the map from the state to the Taylor coefficients in segment time, 0 .. 1
+    bernstein: list[arb_mat]  # for each row, the map from the state to the Bernstein coefficients
 
 
 class _Ladder:

@@ -177,8 +177,8 @@ def _coefficients(linear: LinearEquivalent) -> dict[str, dict[str, list[float]]]
 
 
 def _limits(controller: L1Output, simulation: Simulation) -> dict[str, Any]:
-    """The largest gamma for this step, and the largest step for this gamma, with s^2 + m s + gamma m within the solver's
-    region."""
+    """The largest gamma for this step, and the largest step for this gamma, such that the roots of s^2 + m s + gamma m stay
+    within the solver's region."""
     solver, m = simulation.solver, controller.m
     gamma = largest_from(lambda value: _tolerates(solver, simulation.dt, m, value), controller.gamma, within=LIMITS_TOLERANCE)
     step = largest_from(lambda value: _tolerates(solver, value, m, controller.gamma), simulation.dt, within=LIMITS_TOLERANCE)

@@ -184,7 +184,7 @@ class Frozen(NamedTuple):
     A: Array
     b: Array
     c: Array
-    omega_squared: float  # a bound of |omega|^2
+    omega_squared: float  # a bound on |omega|^2
 
     def modes(self, g: float) -> Array:
         root = math.sqrt(g)
