@@ -64,7 +64,7 @@ COLLECT_EVERY = 50_000
 (equations, programs, pictures), and scanning them took 5 % of its time."""
 
 SURVIVORS_EVERY = 50
-"""Number of these collections after which the survivors of the earlier ones are searched again, instead of 10. Most survivors are
+"""After this number of these collections, instead of 10, the survivors of earlier ones are searched again. Most survivors are
 modules and classes, and two of these searches took a twentieth of a short command's time."""
 
 

@@ -200,7 +200,7 @@ class Sample(NamedTuple):
 
 @runtime_checkable
 class SampledEquations(Protocol):
-    """A controller that acts every ``sample_time`` and holds its control in between. Its state has the same form as that of
+    """A controller that acts every ``sample_time`` and holds its control in between. Its state has the same form as the state of
     ``Equations``."""
 
     @property

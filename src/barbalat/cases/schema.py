@@ -272,7 +272,7 @@ def named_or_modified(given: Given, choices: Choices) -> Given:
 
 
 def joined(given: Given, more: Given) -> Given:
-    """Both combined; raises InputError for a modification that is given twice."""
+    """Return both combined; raises InputError for a modification that is given twice."""
     for name in given.keys() & more.keys():
         raise InputError(f"{name} is given twice, under its name and by the keys of a modification")
     return given | more

@@ -1,4 +1,4 @@
-"""Numbers that remember how they were typed, so that errors of constructors quote them as in the case file."""
+"""Numbers that remember how they were typed, so that errors of constructors quote them as the case file writes them."""
 
 from __future__ import annotations
 

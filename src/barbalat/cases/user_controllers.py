@@ -45,7 +45,7 @@ class OwnFile:
     kept: tuple[int, ...] | None = None
 
     def alone(self, i: int) -> OwnFile:
-        """Return the file with only its i-th controller joining a case, or none if i is negative."""
+        """Return the file in a form in which only its i-th controller joins a case, or none if i is negative."""
         return replace(self, kept=(i,) if i >= 0 else ())
 
     @property

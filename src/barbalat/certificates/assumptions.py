@@ -62,7 +62,7 @@ def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assu
 
 
 def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assumption:
-    """An assumption that is broken by deviations, each described in a few words, with the theorem that would cover it."""
+    """An assumption that is broken by deviations, each described in a few words, with the theorem that would cover them."""
     listed = dict.fromkeys(found)
     return Assumption(sentence, ", ".join(dict.fromkeys(word for word, _ in listed)), theorems.joined(t for _, t in listed))
 

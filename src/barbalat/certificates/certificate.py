@@ -167,7 +167,7 @@ NO_VALUE: dict[Kind, str] = {
     "estimate": "none is known",
     "advice": "none",
 }
-"""The reason why there is no value, by the type of the error."""
+"""The reason why there is no value, which follows from the type of the error."""
 
 
 def reason(error: Exception) -> str:

@@ -76,7 +76,8 @@ def grouped(loops: Sequence[MarginLoop]) -> list[Sequence[MarginLoop]]:
 
 @dataclass(frozen=True, eq=False)
 class Marked:
-    """A loop, its margins, and the frequencies [rad/s] of the phase and the gain margin; ``None`` without one."""
+    """A loop, its margins, and the frequencies [rad/s] of the phase and the gain margin; ``None`` for a margin that does not
+    exist."""
 
     loop: MarginLoop
     margins: Margins

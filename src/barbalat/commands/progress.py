@@ -114,7 +114,7 @@ class Work:
 
     @property
     def _stretch(self) -> float:
-        """The elapsed seconds per second of computing, the factor by which work takes longer than on an idle machine."""
+        """The elapsed seconds per second of computing, which is the factor by which work takes longer than on an idle machine."""
         if not self.here:
             return 1.0
         computed = time.process_time() - self.computed

@@ -42,7 +42,7 @@ def add(commands: Commands) -> None:
 ORDINARY_SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
 """Estimated total seconds until the estimate of the ledger is available."""
 START_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 9.0, 4.0, 2.0
-"""Seconds of a core until the first row starts, and seconds for the work besides the rows."""
+"""Seconds on one core until the first row starts, and seconds for the work besides the rows."""
 EXPLORER_SECONDS = 3.0
 """Seconds for each page with sliders."""
 
@@ -130,7 +130,7 @@ def _reproduced(
 
 
 class Pace:
-    """Reports rows when they are measured, and the finished fraction of the work, based on seconds of a core."""
+    """Reports rows when they are measured, and the finished fraction of the work, based on seconds on one core."""
 
     def __init__(self, runs: float, rows: float, progress: Progress, console: Console | None) -> None:
         """Take the expected seconds of the paper's runs, and of the ledger's measurements and pictures."""

@@ -89,8 +89,8 @@ def results() -> Iterator[None]:
 
 
 def _fill() -> None:
-    """Open the null device for closed descriptors up to that of standard error; otherwise result files would get their
-    numbers."""
+    """Open the null device for closed descriptors up to that of standard error; otherwise result files would get these
+    descriptors."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= STANDARD_ERROR:  # each call opens the lowest free descriptor
         pass
     os.close(number)

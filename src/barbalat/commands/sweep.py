@@ -168,7 +168,7 @@ def _searched(options: argparse.Namespace) -> int:
 
 
 def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> int:
-    """Run a single member. Return the exit code, which is 1 if its metrics differ from those in the store."""
+    """Run a single member. Return the exit code, which is 1 if the member's metrics differ from the stored ones."""
     from barbalat.commands import run
     from barbalat.report import documents
     from barbalat.sweeps.stored import require_parquet, row_of

@@ -142,7 +142,7 @@ def require_delays(problems: Sequence[TrackingProblem], simulation: Simulation) 
 
 
 def parameters_of(problem: TrackingProblem) -> Any:
-    """Return the values with which estimates are compared, or the values of the design plant if the truth has none."""
+    """Return the values with which estimates are compared, or the values of the design plant if the truth has no such values."""
     true = problem.true_parameters
     return problem.parameters if true is None else true
 

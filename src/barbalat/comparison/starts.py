@@ -1,4 +1,4 @@
-"""The initial estimates of controllers. All have the same knowledge; if not, a sentence names the ones that differ."""
+"""The initial estimates of controllers. All controllers should have the same knowledge; a sentence names those that differ."""
 
 from __future__ import annotations
 

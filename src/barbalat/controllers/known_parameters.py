@@ -49,7 +49,7 @@ class KnownParameters(Scheme):
     converge to these values.
 
     With ``theta=problem.parameters`` the loop equals the reference model if no dynamics, limits or delay lie between controller
-    and plant; it shows how a delay, a limit or noise alone affects the tracking.
+    and plant. Otherwise it shows how a delay, a limit or noise alone affects the tracking.
 
     theta  (p,), with the input gains last if the problem has unknown ones; checked neither against the plant nor against the
            known set

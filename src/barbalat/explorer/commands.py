@@ -33,8 +33,8 @@ tabulated for each."""
 HORIZON_FACTORS = (0.5, 2.0, 0.25, 0.75, 1.5, 0.1, 3.0, 5.0)
 """Horizons that a page offers at the step of the case, as multiples of the horizon of the case."""
 MOST_GRID_BYTES = 250_000
-"""Largest size of these tables, which are made in the above order, without the table for the step of the case. In a page they
-take a third more."""
+"""Largest size of these tables, which are made in the above order, without the table for the step of the case. Encoded as text in
+a page, they take a third more."""
 
 
 def is_formula(signal: Signal) -> bool:

@@ -355,7 +355,7 @@ def judged(target: Target) -> bool:
 
 def spectrum_of(target: Target) -> dict[str, Any] | None:
     """Return the module of the spectrum, or None if the page does not judge the step. A row of the module is a state with signals
-    and noise, and its parameters are those of the run."""
+    and noise, and the module's parameters are those of the run."""
     import casadi as ca
 
     if not judged(target):

@@ -73,7 +73,8 @@ class SignalSearch:
         return InSignals([int(i) for i in moved], scales) if (values[moved] == tried_values).all() else None
 
     def _gridded(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
-        """Return the number with those values for which signals that jump have a grid like that of the case, and the grids."""
+        """Return the number with those values for which signals that jump have a grid like the grid of the case, and the
+        grids."""
         simulation, whole = self.case.simulation, self.case.problem.delay > 0
         given, grids = list[float](), list[Grid]()
         own = self.case.problem.signals

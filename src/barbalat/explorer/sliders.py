@@ -21,7 +21,7 @@ from barbalat.open_numbers.probe import Effect, Rows, Target, composed, effects_
 from barbalat.validate import Array, InputError
 
 MOST_SHARED_BYTES = 150_000
-"""Largest size of the tables of sliders that exclude others. In a page they take a third more."""
+"""Largest size of the tables of sliders that exclude others. Encoded as text in a page, they take a third more."""
 MOST_NUMBERS = 80
 """Largest number of sliders of a page."""
 GRID_KEYS = ("t_end", "dt")

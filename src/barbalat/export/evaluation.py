@@ -38,7 +38,7 @@ _NUMBERS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate(program: Program, inputs: Inputs, real: Real) -> Array:
-    """The first output, (components, columns); every operation is rounded as by ``real``, including sin, exp and similar
+    """The first output, (components, columns); every operation is rounded as ``real`` rounds, including sin, exp and similar
     functions."""
     found = values(program, inputs, real)
     made = [_number(found[i], real) for i in program.outputs[0]]

@@ -81,7 +81,7 @@ def _adapter(printed: Printed) -> str:
 
 
 class ExportedStep:
-    """The loaded C: each call is one sample of the C and of the list, and u is that of the C. Not thread-safe."""
+    """The loaded C: each call is one sample of the C and of the list, and u comes from the C. Not thread-safe."""
 
     def __init__(self, contents: ExportedList) -> None:
         self.contents, simulated = contents, contents.simulated

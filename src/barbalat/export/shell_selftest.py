@@ -40,11 +40,12 @@ def shell_tests(printed: Printed) -> str:
 
 
 ROUNDINGS_BEYOND = 16
-"""Distance beyond the edge of the band, in the rounding errors that the edge allows, at which a time is certainly outside."""
+"""Distance from the edge of the band, as a multiple of the rounding errors that the edge allows, beyond which a time is certainly
+outside."""
 
 
 def leaves_gaps(printed: Printed) -> bool:
-    """Whether times outside the bands of two successive multiples of the sample time are certain to exist between them."""
+    """Whether there certainly are times between the bands of two successive multiples of the sample time."""
     around = printed.contents.around
     assert around is not None and around.band is not None
     return ROUNDINGS_BEYOND * roundings(printed) * around.T < (around.T / 2 - around.band) / 2

@@ -115,7 +115,7 @@ def _downwards(gain: float) -> Iterator[float]:
 
 
 def _between(low: float, high: float, parts: Callable[[float], bool]) -> float:
-    """The upper end of a narrower range; at this end the two differ visibly."""
+    """The upper end of a narrower range; at this end the two runs differ visibly."""
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if parts(middle) else (middle, high)

@@ -193,8 +193,8 @@ def _given(printed: Printed) -> list[str]:
 
 
 def _start(printed: Printed) -> str:
-    """C text that sets everything as at t = 0, with the measured state instead of the initial state of the case; learnt values
-    are reset only if they are not kept."""
+    """C text that sets everything to its value at t = 0, with the measured state instead of the initial state of the case; learnt
+    values are reset only if they are not kept."""
     contents, y = printed.contents, printed.measured
     kept: list[str] = []
     others: list[str] = []

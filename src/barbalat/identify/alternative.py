@@ -21,7 +21,8 @@ WORTH = 0.9
 """Largest residual on the validation samples, relative to the residual of the given model."""
 LAGS = 8
 WHITE = 0.15
-"""Correlation of residuals at lags up to ``LAGS`` below which the residuals are noise that no model can explain."""
+"""If the correlations of the residuals at lags up to ``LAGS`` are below this, the residuals are noise that no model can
+explain."""
 ROUNDING = 1e-7
 """Fraction of a state's range below which its residuals are rounding errors."""
 SPREAD = 4.0

@@ -16,7 +16,7 @@ MOST_WINDOWS = 400
 LEAST_ROWS = 4
 """Least number of rows of least squares for each coefficient."""
 STILL = 1e-10
-"""Singular value of the regressors, relative to the largest, below which they are taken not to move in this direction."""
+"""Singular value of the regressors, relative to the largest, below which they are taken not to move in its direction."""
 BLIND = 1e-6
 """A coefficient belongs to an unexcited direction if its entry in the direction is above this; smaller entries are rounding
 errors."""

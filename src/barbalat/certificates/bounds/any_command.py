@@ -39,8 +39,8 @@ from barbalat.validate import Array, InputError
 NormsOf = Callable[[arb_mat, arb_mat, arb_mat], tuple[tuple[float, ...], int]]
 KEY = "error_bound_worst"
 MOST_CELLS, MOST_WORK = 24, 1_500_000
-"""Largest number of cells, and of cells times segments times the squared number of states of the loop: three seconds on one
-core."""
+"""Largest number of cells, and of cells times segments times the squared number of states of the loop; this much work takes three
+seconds on one core."""
 MOST_SEGMENTS = 2000
 """Largest number of segments for one norm; the remainder is bounded by its decay."""
 CLOSE = 1.1

@@ -96,7 +96,8 @@ def largest_eigenvalue(P: Array) -> float:
 
 
 def _verified(value: float, side: int, definite: Callable[[float], tuple[arb_mat, float]]) -> float:
-    """The candidate, nearest to an approximate eigenvalue, for which the shifted matrix is provably positive definite."""
+    """The candidate nearest to an approximate eigenvalue among those for which the shifted matrix is provably positive
+    definite."""
     for slack in (1e-13, 1e-10, 1e-7, 1e-4, 1e-2):
         candidate = value * (1 + side * slack)
         if candidate > 0 and is_positive_definite(*definite(candidate)):

@@ -38,8 +38,8 @@ from barbalat.validate import Array, InputError
 
 KEY, OF_EVERY_COMMAND = "error_bound_command", "error_bound_worst"
 MOST_CELLS, MOST_WORK = 16, 250_000
-"""Largest number of cells, and of cells times steps times the squared number of states of the loop: a second or two on one
-core."""
+"""Largest number of cells, and of cells times steps times the squared number of states of the loop; this much work takes a second
+or two on one core."""
 NEGLIGIBLE_REST = 0.05
 """A cell whose size contributes less than this fraction of its bound is not halved again."""
 MOST_STATES = 40
@@ -83,7 +83,7 @@ class Cell:
         return np.asarray(self.low + (self.high - self.low) / 2)
 
     def tree(self, leaf: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        """The cuts of the cell, with the entry for each cell that has no halves."""
+        """The cuts of the cell as a tree; ``leaf`` gives the entry of each cell without halves."""
         if not self.halves:
             return leaf(self)
         low, high = (half.tree(leaf) for half in self.halves)
@@ -92,7 +92,7 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class FollowedCell(Cell):
-    """A cell along the command, with the contribution of its size."""
+    """A cell bounded along the command, with the contribution of the cell's size to the bound."""
 
     rest: float
     followed: Followed
@@ -227,7 +227,7 @@ def add(draft: Draft, problem: Problem, loop: KnownLoop, t_end: float, rests_on:
 
 
 def told(certificate: Certificate) -> str:
-    """The text of a cell of Table 1 on this bound, which follows the bound for all commands."""
+    """The text on this bound in a cell of Table 1, where it follows the bound for all commands."""
     entry = certificate.entry(KEY)
     given = entry is not None and entry.applies and entry.value is not None
     return f"; {up(entry.value)} under the case's command up to t_end" if entry is not None and given else ""

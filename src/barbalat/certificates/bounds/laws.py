@@ -123,7 +123,7 @@ def theorem_of_modified(controller: ModifiedScheme, problem: Problem) -> str:
 
 
 def guarantee_of(law: AdaptiveLaw | OutputErrorLaw, known_set: EstimateSet | None) -> Guarantee:
-    """The guarantee that a law declares; nothing is guaranteed for a law that declares none."""
+    """The guarantee that a law declares; nothing is guaranteed for a law that declares no guarantee."""
     if isinstance(law, GuaranteedLaw):
         return law.guarantee(known_set)
     return nothing(f"nothing is guaranteed: no guarantee is known for {type(law).__name__}")

@@ -119,8 +119,8 @@ def _response(problem: Problem, whole: _Whole, r: Array, d: Array, bends: int | 
 def noise_deviation(problem: Problem, controller: Controller) -> Deviation:
     """Bounds on the effect of the measurement noise of the case, if its samples are independent.
 
-    Its covariance grows from zero to that of sum_k M^k W w, so the root of the sum of squares bounds it at all times. Raises
-    InputError if the loop decays too slowly.
+    The covariance of the response grows from zero to the covariance of sum_k M^k W w, so the root of the sum of squares bounds
+    the standard deviation at all times. Raises InputError if the loop decays too slowly.
     """
     whole = _whole(problem, controller)
     M = whole.loop.closed(problem.delay)

@@ -37,7 +37,7 @@ class Refused(ValueError):
 
 
 class Cell(NamedTuple):
-    """A cell of the known set with a sum of squares for each Bernstein coefficient, or its halves.
+    """A cell of the known set with a sum of squares for each Bernstein coefficient, or with the halves of the cell.
 
     side  the component of theta at whose value ``at`` the cell is cut
     """
@@ -54,7 +54,8 @@ class Cell(NamedTuple):
 
 
 class Nonnegative(NamedTuple):
-    """The proof that the numerator of a function is nonnegative: a sum of squares for every theta, or over cells."""
+    """The proof that the numerator of a function is nonnegative: a sum of squares for every theta, or sums of squares over cells
+    of the known set."""
 
     found: Squares | Cell
 

@@ -54,8 +54,8 @@ THE_CASE_S = Assumption("theta is the case's")
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: float) -> None:
-    """Add the bounds on e, x and u for every command and disturbance as large as those of the case; nothing if phi(x) is not
-    x."""
+    """Add the bounds on e, x and u for every command and disturbance no larger than those of the case; add nothing if phi(x) is
+    not x."""
     if not isinstance(problem, Problem) or not problem.plant.is_linear or not is_needed(*KEYS, *OF_NOISE, RMS):
         return
     if problem.plant.states < problem.plant.n:
@@ -165,7 +165,7 @@ def _listed(words: list[tuple[str, bool]]) -> str:
 
 
 def cells(certificate: Certificate) -> dict[str, Entry]:
-    """The cells of Table 1 that follow if the bounds are guaranteed; none otherwise."""
+    """The cells of Table 1 that follow if the bounds are guaranteed; otherwise no cells."""
     state, error = certificate.entry("state_bound"), certificate.entry("error_bound")
     found = {}
     if state is not None and state.kind == "guaranteed":

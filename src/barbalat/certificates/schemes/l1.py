@@ -129,7 +129,7 @@ def grounds(problem: Problem, controller: L1Adaptive, _: Simulation) -> dict[str
 
 
 def midpoint_form(problem: Problem, controller: L1Adaptive, sample_time: float) -> midpoint.MidpointForm:
-    """The midpoint form of the predictor; with C = 1, that of MRAC."""
+    """The midpoint form of the predictor; with C = 1, the midpoint form of MRAC."""
     delayed = () if controller.filter is not None else (mrac.one_sample_of_delay(sample_time),)
     return midpoint.of_predictor(problem, controller, *delayed)
 

@@ -189,7 +189,7 @@ def _transfer_functions(equations: Equations) -> dict[str, dict[str, list[float]
 
 
 def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConstant) -> None:
-    """Add the distance for every command as large as that of the case, and the delay margin of the reference system."""
+    """Add the distance for every command no larger than that of the case, and the delay margin of the reference system."""
     levels = np.array([command.bound if isinstance(command, BoundedSignal) else np.nan for command in problem.commands])
     try:
         away = distance(problem, controller, levels)

@@ -41,7 +41,7 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     """The bound on e, the limits on gain and step, the margins with constant estimates."""
     known, draft, n = problem.known, Draft(), problem.known.n
     equations = controller.bind(known)
-    closed = replace(known, A_m=known.A_m + equations.L)  # this P is that of the controller
+    closed = replace(known, A_m=known.A_m + equations.L)  # this is the controller's P
     carried = l1_norm(known.A_m, -equations.L, np.eye(n), np.eye(n))
     add_parameter_errors(draft, problem, equations, closed)
     draft.note("nu_0 uses the controller's P, which belongs to A_m + L")

@@ -9,8 +9,8 @@ S = ||w -> y_G||_1, |f(t, y)| <= F + L |y| as long as |y| <= Y, and everything a
 
 If the right side is below Y, y_G never reaches Y (it is continuous and starts at 0), and the bound holds for all time. Every
 other signal follows from |w| <= |d| + F + L |y_G|, including sigma of the L1 controller, so the projection never acts if the
-resulting bound is below that of sigma. Source: small-gain theorem, Desoer and Vidyasagar (1975), section III.2; the norms are
-computed by ``l1``.
+resulting bound on sigma is below the bound of the projection. Source: small-gain theorem, Desoer and Vidyasagar (1975), section
+III.2; the norms are computed by ``l1``.
 """
 
 from __future__ import annotations

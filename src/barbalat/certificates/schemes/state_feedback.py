@@ -157,7 +157,7 @@ def add_ingredients(
 ) -> None:
     """Add the quantities in (9) and (10) that depend neither on the controller nor on theta.
 
-    adapted  the known set of the adapted part; by default that of theta
+    adapted  the known set of the adapted part; by default the known set of theta
     """
     known = problem.known
     draft.advise({"P": known.P.tolist()})

@@ -80,7 +80,7 @@ def contest(
     noise         noise as a fraction of the model's motion, if the case has no noise
     members       number of validation runs
 
-    Further arguments as in ``Rule``. Raises InputError.
+    Further arguments are as in ``Rule``. Raises InputError.
     """
     whole = case if isinstance(case, Case) else load_case(case)
     problem = posed(whole.problem)

@@ -127,10 +127,10 @@ def entrants_of(
                  continuous controllers stay continuous
     ours         whether the registered schemes take part
 
-    All start with the same knowledge. Their estimates start in the middle of the known set, or at a baseline's parameters, which
-    linear designs assume as well. A baseline also takes part without adaptation. If the input saturates, each scheme uses its
-    windup remedy. A user-defined controller starts at the same estimates if its class has a field ``theta_hat0``, or if its
-    ``knobs`` pass on ``reach.theta_hat0``. For any other controller, ``starts.start_of`` reports the start.
+    All entrants start with the same knowledge. Their estimates start in the middle of the known set, or at a baseline's
+    parameters, which linear designs assume as well. A baseline also takes part without adaptation. If the input saturates, each
+    scheme uses its windup remedy. A user-defined controller starts at the same estimates if its class has a field ``theta_hat0``,
+    or if its ``knobs`` pass on ``reach.theta_hat0``. For any other controller, ``starts.start_of`` reports the start.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
         raise InputError(f"--schemes must be one of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
@@ -167,7 +167,7 @@ def entrants_of(
 
 
 def _sampled(entrant: Entrant, problem: Problem, sample_time: float) -> Entrant:
-    """Return the entrant's midpoint form, or Euler steps if it has none."""
+    """Return the entrant's midpoint form, or its form with Euler steps if it has no midpoint form."""
     of_its_own = isinstance(bound(problem, _first(entrant)), Discretizable)
     found = entrant.sampled(sample_time, DISCRETIZATIONS[0 if of_its_own else 1])
     bound(problem, _first(found))

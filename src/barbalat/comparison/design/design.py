@@ -39,8 +39,8 @@ DEFAULT_PLANTS, DEFAULT_TRIALS, DEFAULT_MEMBERS = 4, 288, 64
 LEAST_GAIN = 1.001
 """The rule's gain margin if the specification requires none. This is almost no margin."""
 STEP_MEMBERS, EXTREME_MEMBERS = 12, 6
-"""Numbers of random validation plants, and of extreme plants in addition to those of the tuning. Each takes three recorded
-runs."""
+"""Numbers of random validation plants, and of extreme validation plants in addition to the extreme plants of the tuning. Each
+takes three recorded runs."""
 SEARCH_SHARE, FIRST_ROUND_SHARE = 0.85, 0.4
 """The search, and the first round of it, take approximately these fractions of the time."""
 ROUNDS = 2
@@ -115,8 +115,8 @@ class Candidate:
         return "misses " + "; ".join(map(self._missed, self.misses))
 
     def missed_less(self, other: Candidate, name: str) -> bool:
-        """Whether both candidates miss a requirement, but this one by clearly less or on at most half as many validation
-        plants."""
+        """Whether both candidates miss a requirement, and this one misses it by clearly less or on at most half as many
+        validation plants."""
         counts = [0 if name not in one.held_out else one.held_out[name].count for one in (self, other)]
         return self.misses[name] < CLEARLY_LESS * other.misses[name] or 2 * counts[0] <= counts[1] > 0
 
@@ -248,7 +248,8 @@ class Design:
         return said
 
     def _failing_otherwise(self) -> list[str]:
-        """Return sentences on the failures of the recommended controller under other commands, and on candidates without any."""
+        """Return sentences on the failures of the recommended controller under other commands, and on candidates without such
+        failures."""
         failure = self.failure(self.candidates[0])
         if failure is None:
             return []
@@ -354,7 +355,7 @@ def design(
     ours           whether the registered schemes take part
     validated      whether extreme plants take part in the tuning, the specification must hold on validation plants too, and
                    validation runs are repeated with a finer step
-    Further arguments as in ``contest``. Raises InputError.
+    Further arguments are as in ``contest``. Raises InputError.
     """
     whole = case if isinstance(case, Case) else load_case(case)
     asked = specification or whole.specification

@@ -68,7 +68,7 @@ class Cloud:
         return pareto_front(*self.at(which, criterion))
 
     def tolerates(self, which: str, criterion: str, error: float) -> float:
-        """Return the largest margin [s] among the tunings with at most this error; NaN if there is none."""
+        """Return the largest margin [s] among the tunings with at most this error; NaN if there is no such tuning."""
         errors, margins = self.at(which, criterion)
         good = errors <= error  # false where the error is NaN
         return float(margins[good].max()) if good.any() else float("nan")
@@ -113,8 +113,8 @@ class TradeOff(Plotted):
 
 
 def pareto_front(error: Array, margin: Array) -> Array:
-    """Return the indices of the tunings that are not beaten in both by another one, by increasing margin. A lost tuning is on no
-    front."""
+    """Return the indices of the tunings that no other tuning beats in both error and margin, in order of increasing margin. A
+    lost tuning is on no front."""
     usable = np.flatnonzero(np.isfinite(error) & (margin > 0))
     order = usable[np.lexsort((-margin[usable], error[usable]))]  # smallest error first; if equal, the larger margin first
     kept: list[int] = []

@@ -88,7 +88,7 @@ class Tuned:
 
     chosen   the best tuning that meets every constraint; None if no tuning does (``nearest`` is then the closest tuning)
     start    the tuning in the case
-    front    the trials that are not beaten by another both in the objective and in the quantity of the first constraint
+    front    the trials that no other trial beats both in the objective and in the quantity of the first constraint
     trials, runs  numbers of tried tunings and of simulations
     step     the result of a finer step for the chosen tuning. If the finer step alone prevents any choice, it is the result
              for the nearest tuning
@@ -274,7 +274,7 @@ def best_of(trials: Trials) -> Best:
 
 
 def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
-    """Return the tunings that are not beaten by another. Some of the tried tunings are evaluated further for this purpose."""
+    """Return the tunings that no other tuning beats. Some of the tried tunings are evaluated further for this purpose."""
     aim = trials.aim
     if not aim.constraints:
         return []

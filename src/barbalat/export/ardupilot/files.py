@@ -82,7 +82,8 @@ def files(asked: Request) -> dict[str, str]:
 
 
 def _handing_over(printed: Printed) -> dict[str, str]:
-    """The parts of the files for an outage, during which the main controller acts; plain ones without a longest outage."""
+    """The parts of the files for an outage, during which the main controller acts; the parts for plain operation if there is no
+    longest outage."""
     name, macro, around = printed.name, printed.macro, printed.contents.around
     parts = {"first": "const bool first", "turned": "turned", "freeze": "0", "status": "const unsigned status", "again": ""}
     if around is None or around.longest is None:

@@ -8,7 +8,7 @@ c'x~ and Gamma G = Phi g: with q = c'(I - Phi)^-1 Phi g and the effect of sigma 
 sigma_hat = G s/(1 + q), of rank one, whose effect on y is s q/(1 + q). The fraction 1/(1 + q) remains, which is 1 - e^(a T) for a
 first-order model.
 
-``error_bound`` bounds e = y - y_m for every r and d as large as those of the case.
+``error_bound`` bounds e = y - y_m for every r and d no larger than those of the case.
 
 Plant, controller and the model under the sampled command are one linear sampled-data system, so the largest effect of r on e at
 the samples is the sum of its impulse response. The disturbance d acts all the time. In a sample its effect on a row c is at most
