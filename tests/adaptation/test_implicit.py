@@ -189,8 +189,8 @@ def test_the_step_within_a_set_against_a_quadratic_programme():
 
 
 def test_the_step_of_several_inputs_within_a_box_against_a_quadratic_programme():
-    """The comparison of the previous test, with a matrix K for the inputs. If no guess of the active faces is right, the result
-    is the step without a set."""
+    """This is the comparison of the previous test, with a matrix K for the inputs. If no guess of the active faces is right, the
+    result is the step without a set."""
     random, solved = np.random.default_rng(17), 0
     for _ in range(100):
         n, m = int(random.integers(2, 5)), int(random.integers(2, 4))

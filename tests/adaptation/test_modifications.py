@@ -69,7 +69,7 @@ DRIFT = {
 
 @pytest.mark.full
 def test_a_bounded_error_lets_the_plain_law_drift_and_no_modified_one():
-    """The drift in section 8.3.1 of Ioannou and Sun: phi decays like (1 + t)^{-1/2} and eta like (1 + t)^{-1/4}."""
+    """The drift is that in section 8.3.1 of Ioannou and Sun: phi decays like (1 + t)^{-1/2} and eta like (1 + t)^{-1/4}."""
 
     def phi(t):
         return (1 + t) ** -0.5

@@ -274,7 +274,7 @@ def test_the_worst_of_several_plants_is_shown_before_the_case_s_own(section_v):
 
 
 def test_labels_cover_neither_lines_nor_each_other():
-    """Twelve labels along a line in a panel with room for them."""
+    """There are twelve labels along a line, in a panel with room for them."""
     figure = Figure(figsize=(6, 5))
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()

@@ -60,7 +60,7 @@ def test_the_condition_of_a_wider_set_fails_where_the_page_says():
 
 
 def test_the_length_of_the_checker():
-    """docs/proofs.md rounds it to hundreds of lines."""
+    """docs/proofs.md rounds the length to hundreds of lines."""
     (said,) = re.findall(r"a program of about ([\d,]+) lines", page("proofs"))
     source = Path(__file__).parents[2] / "src" / "barbalat_check.py"
     assert f"{round(len(source.read_text(encoding='utf-8').splitlines()), -2):,}" == said

@@ -245,8 +245,8 @@ def test_a_signal_has_the_shape_of_the_times(name, shape, folder):
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_before_is_the_limit_from_the_left(name, folder):
-    """The value just before every instant of the grid, including jumps. The tolerance is 1e-6 because smooth signals move by that
-    much in 1e-8 s."""
+    """``before`` is the value just before every instant of the grid, including jumps. The tolerance is 1e-6 because smooth
+    signals move by that much in 1e-8 s."""
     signal, t = of_case_file("signal", name, folder), np.linspace(0, 20, 401)
     np.testing.assert_allclose(signal.before(t[1:]), signal(t[1:] - 1e-9), atol=1e-6)
 

@@ -129,7 +129,7 @@ def test_the_estimate_stays_in_a_box_that_it_wants_to_leave(adaptive):
 
 @pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_tracking_at_a_moderate_gain(example):
-    """The tail error is a fraction of that without adaptation (theta_hat = 0), which is the purpose of adaptation."""
+    """The tail error is a fraction of the error without adaptation (theta_hat = 0), as is the purpose of adaptation."""
     problem, controller = example
     left_alone = long_run(problem, Mrac(gamma=1e-30))
     adapted = long_run(problem, controller)

@@ -91,8 +91,8 @@ def test_through_the_projection_as_plain_stepping(problems, solver):
 
 
 def test_the_region_of_stability_is_left_once_along_a_ray_into_the_left_half_plane(solver):
-    """The search for the largest step relies on this for its bisection. The tolerance 1e-13 is for roundings of the growth at the
-    start of a ray."""
+    """The search for the largest step relies on this property for its bisection. The tolerance 1e-13 is for roundings of the
+    growth at the start of a ray."""
     for angle in np.linspace(np.pi / 2 + 1e-6, np.pi, 500):
         outside = solver.growth(np.geomspace(1e-4, 2 * solver.reach, 2000) * np.exp(1j * angle)) > 1e-13
         assert (np.diff(outside.astype(int)) >= 0).all()

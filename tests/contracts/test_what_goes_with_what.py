@@ -251,7 +251,7 @@ def test_every_setting_of_a_scheme_has_an_example_that_it_takes():
 @pytest.mark.short(kept=lambda scheme, which: which == 0)
 @pytest.mark.parametrize("scheme", NAMES)
 def test_every_scheme_tolerates_open_numbers_with_every_option_and_plant(scheme, which):
-    """Continuous and sampled, as in a page's module and an FMU. Everything else computes only with numbers."""
+    """The schemes are continuous and sampled, as in a page's module and an FMU. Everything else computes only with numbers."""
     cells = cells_of(scheme)
     assert len(cells) > EVERY
     for cell in cells[(which + NAMES.index(scheme)) % EVERY :: EVERY]:

@@ -129,7 +129,7 @@ def test_what_is_left_of_a_constant_disturbance_at_400_hz(a, left):
 
 
 def test_the_dc_gain_of_the_exact_form_with_any_input_matrix():
-    """B^-1 e^(A_m T) B for a matched and an unmatched constant."""
+    """The gain is B^-1 e^(A_m T) B for a matched and an unmatched constant."""
     given = several_inputs()
     B, T = input_directions(given.plant.b), 0.05
     sigma = np.array([1.0, -2.0, 0.7])

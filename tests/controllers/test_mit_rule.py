@@ -85,8 +85,8 @@ def test_the_textbook_s_feedforward_gain():
 
 
 def test_a_small_command_makes_it_slow_and_a_large_one_bursts():
-    """The numbers of docs/plants.md by the textbook's equations. With a tenth of the command theta has not converged after 400
-    s."""
+    """The numbers of docs/plants.md follow from the textbook's equations. With a tenth of the command theta has not converged
+    after 400 s."""
     assert round(feedforward_textbook(1.0, 400.0, amplitude=0.1)[2], 2) == 1.73
     case = load_case("mit-feedforward")
     large = replace(case.problem, reference=replace(case.problem.reference, amplitude=10.0))
@@ -120,8 +120,8 @@ def feedforward_alone(r, gamma, *, start=0.49, theta_hat0=(0.0, 0.0)):
 
 @pytest.mark.parametrize(("r", "gamma"), [(1.0, 0.1), (3.5, 0.1), (0.1, 5.0)])
 def test_the_largest_gain_of_a_feedforward_alone_is_routh_s(r, gamma):
-    """The textbook's characteristic polynomial s^3 + a_1 s^2 + a_2 s + k gamma u_c y_m, with y_m = r. Its gamma is the package's
-    divided by k_0."""
+    """The textbook's characteristic polynomial is s^3 + a_1 s^2 + a_2 s + k gamma u_c y_m, with y_m = r. Its gamma is the
+    package's divided by k_0."""
     *_, certificate = feedforward_alone(r, gamma)
     stable_below = A_1 * A_2 / (2.0 * (gamma / A_2) * r * r)
     assert certificate.values[MARGIN] == pytest.approx(stable_below, rel=1e-9)

@@ -69,8 +69,8 @@ TWO_INPUTS = Problem(
 @pytest.mark.parametrize("leakage", LEAKAGES, ids=lambda one: type(one).__name__)
 @pytest.mark.short(kept=lambda leakage: leakage is LEAKAGES[1])
 def test_a_run_with_two_inputs_is_the_equations_weight_by_weight(leakage):
-    """As above, with the sum of |mu_j| in the e-modification. The tolerance 1e-7 is for corners where one of the two components
-    changes its sign."""
+    """The equations are written as above, with the sum of |mu_j| in the e-modification. The tolerance 1e-7 is for corners where
+    one of the two components changes its sign."""
     controller = NetworkMrac(gamma=20.0, gamma_v=7.0, leakage=leakage, neurons=2, scale=[2.0, 0.5], seed=4)
     V_0, plant, P = controller.bind(TWO_INPUTS.known).V_0, TWO_INPUTS.plant, TWO_INPUTS.known.P
     assert np.abs(plant.A_m.T @ P + P @ plant.A_m + np.eye(2)).max() < 1e-12

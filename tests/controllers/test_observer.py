@@ -297,7 +297,8 @@ class TestMargins:
     @pytest.mark.parametrize("kind", OBSERVERS)
     @pytest.mark.parametrize("lag", [0.0, 0.03])
     def test_the_sampled_loop_with_its_delay_loses_stability_at_its_margin(self, kind, lag):
-        """The eigenvalues of the sampled-data loop of plant, lag, controller and observer, around whole samples of delay."""
+        """The reference is given by the eigenvalues of the sampled-data loop of plant, lag, controller and observer, around whole
+        samples of delay."""
         problem = posed(kind, truth=None, sensor=Sensor(lag=lag) if lag else None)
         alone = Sampled(controller=BaselineAlone(nominal=problem.plant.theta), sample_time=T)
         margin = certify(problem, [alone], SIMULATION)["Baseline"].values["delay_margin"]

@@ -245,9 +245,9 @@ class SectionV:
 @pytest.mark.parametrize("pattern", PATTERNS)
 @pytest.mark.short(kept=lambda controller, pattern: controller != "Robust MRAC" and pattern == "every second")
 def test_a_loop_with_losses_is_as_good_as_its_caller_can_make_it(controller, pattern) -> None:
-    """Section V at 1 ms with its unstable plant. Without losses |e| is 41, 1.1 and 4.3; a caller that repeats the last good
-    sample has about the same. The factor is 1.2 because u is held instead of recomputed and nothing is learnt from a repeated
-    sample. If nine of ten samples are lost, the laws learn only for a tenth of the time. The effect is largest for L1's
+    """The loop is Section V at 1 ms, with its unstable plant. Without losses |e| is 41, 1.1 and 4.3; a caller that repeats the
+    last good sample has about the same. The factor is 1.2 because u is held instead of recomputed and nothing is learnt from a
+    repeated sample. If nine of ten samples are lost, the laws learn only for a tenth of the time. The effect is largest for L1's
     predictor, which is designed for a high gain: 15.
     """
     loop = SectionV(controller)

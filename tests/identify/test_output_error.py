@@ -219,7 +219,8 @@ def test_noise_that_hides_the_motion_is_told_apart_from_a_wrong_plant():
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.short(kept=lambda seed: seed in (1, 4))
 def test_the_known_set_holds_the_truth_in_absolute_values_and_behind_a_dead_time(seed):
-    """Random plants about random operating points far from 0, with noise at its bound and inputs that arrive late."""
+    """The test has random plants about random operating points far from 0, with noise at its bound and inputs that arrive
+    late."""
     rng = np.random.default_rng(seed)
     n, d, h, noise = int(rng.integers(1, 3)), int(rng.integers(0, 6)), 0.02, 10.0 ** rng.uniform(-5, -3)
     A, B = rng.normal(size=(n, n)), rng.normal(size=(n, 1))

@@ -21,7 +21,7 @@ def test_units_change_no_verdict(size):
 
 
 def test_columns_of_very_different_size():
-    """-1e308 and 0.3 in one column, with which the scales of the balancing used to overflow."""
+    """With -1e308 and 0.3 in one column, the scales of the balancing used to overflow."""
     require_controllable("(A, b)", np.array([[0.0, 1.0], [-6.5, -6.08]]), np.array([-1e308, 0.34]))
 
 

@@ -49,8 +49,8 @@ def test_a_delay_margin_of_hundreds_of_samples(kT):
 
 
 def test_long_delays_are_stable_where_the_spectral_radius_is_below_one(sample):
-    """Random loops with one or two inputs, whose plants have integrators and unstable modes, at delays of more than a hundred
-    samples: the argument principle and the eigenvalues agree."""
+    """The argument principle and the eigenvalues agree for random loops with one or two inputs, whose plants have integrators and
+    unstable modes, at delays of more than a hundred samples."""
     random, seen = np.random.default_rng(10), set()
     for _ in range(sample(12, 200)):
         n, m, T = int(random.integers(1, 4)), int(random.integers(1, 3)), 0.01

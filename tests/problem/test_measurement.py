@@ -102,7 +102,7 @@ def test_recorded_control_saw_the_noise_of_its_instant(problems):
 
 
 def test_lag_against_dop853(problems):
-    """MRAC with the measurement x/(lag s + 1), in equilibrium at t = 0."""
+    """MRAC receives the measurement x/(lag s + 1), which is in equilibrium at t = 0."""
     problem, gamma, lag = replace(problems[2], sensor=Sensor(lag=0.05)), 3.0, 0.05
     known, plant, r = problem.known, problem.plant, problem.reference
     Pb = known.P @ known.b

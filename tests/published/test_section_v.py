@@ -129,7 +129,7 @@ def test_the_label_tells_figures_3_and_5_from_2_and_4(section_v):
 
 @pytest.mark.parametrize("gamma", [0.1, 1.0, 10.0])
 def test_theorem_1_bounds_mrac(section_v, gamma):
-    """(9) at three gains."""
+    """(9) holds at three gains."""
     result = simulate(section_v, [Mrac(gamma=gamma)], Simulation(t_end=20.0, dt=1e-4))["MRAC"]
     nu_0 = np.linalg.norm(THETA) / np.sqrt(np.linalg.eigvalsh(section_v.known.P).min())
     assert max(result.figures["max_abs_e"]) <= nu_0 / np.sqrt(gamma)

@@ -63,8 +63,8 @@ def observed_order(steps, errors):
 @pytest.mark.parametrize("kind", ["mrac", "l1"])
 @pytest.mark.short(kept=lambda name, kind: kind == "mrac" or name == "rk4")
 def test_order_on_a_smooth_closed_loop(problems, name, kind):
-    """The order by regression of log error over log step, through table, kernel and record. The reference has order eight with
-    error control."""
+    """The order is found by regression of log error over log step, through table, kernel and record. The reference has order
+    eight with error control."""
     problem = problems[2]
     controller = {
         "mrac": Mrac(gamma=2.0, projection=False, name="c"),

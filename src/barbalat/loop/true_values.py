@@ -45,7 +45,8 @@ def _of_role(role: Role, problem: Problem) -> Array | None:
 
 
 def not_the_parameters(problem: TrackingProblem, loop: ClosedLoop) -> str | None:
-    """A sentence if a scheme's estimates and the problem's parameters differ in number, and the scheme does not declare them.
+    """Return a sentence if a scheme's estimates and the problem's parameters differ in number, and the scheme does not declare
+    them.
 
     A scheme without estimates, or one that declares what it estimates, gets no such sentence.
     """

@@ -158,7 +158,7 @@ class FromRanges:
 
     @property
     def too_wide(self) -> str | None:
-        """A sentence if an enclosure is wider than TIGHTNESS allows; otherwise None."""
+        """A sentence that an enclosure is wider than TIGHTNESS allows; otherwise None."""
         if self.width_ratio <= TIGHTNESS:
             return None
         return (

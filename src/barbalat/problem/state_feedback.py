@@ -434,7 +434,7 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def outside_known_set(self) -> str | None:
-        """A sentence if the true values of the plant are outside the known set; otherwise None.
+        """A sentence that the true values of the plant are outside the known set; otherwise None.
 
         If a truth has different values, its departures contain the sentence.
         """

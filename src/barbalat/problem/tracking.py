@@ -164,7 +164,7 @@ class TrackingProblem:
 
     @property
     def outside_known_set(self) -> str | None:
-        """A sentence if the true values are outside the known set; otherwise None."""
+        """A sentence that the true values are outside the known set; otherwise None."""
         return None
 
     @property

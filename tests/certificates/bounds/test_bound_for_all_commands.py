@@ -50,8 +50,8 @@ def bound_of(problem: Problem, controller: Controller):
 @pytest.mark.short(kept=lambda n: n == 2)
 @pytest.mark.dear
 def test_no_command_exceeds_it(n, sample):
-    """Random plants with adaptive and linear schemes and theta at vertices and inside. Half of the plants have x(0) away from
-    zero."""
+    """The plants are random, have adaptive and linear schemes, and have theta at vertices and inside. Half of the plants have
+    x(0) away from zero."""
     rng, simulation, attacked = np.random.default_rng(80 + n), Simulation(t_end=8.0, dt=1e-3), 0
     for _ in range(sample(1, 6)):
         group, C = None, None

@@ -85,7 +85,7 @@ def test_no_run_exceeds_it(n, command):
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.short(kept=lambda n, command: n == 1)
 def test_the_checker_accepts_it_and_nothing_smaller(n, command):
-    """Scalar and diagonal gains, random plants and every kind of command."""
+    """The test covers scalar and diagonal gains, random plants and every kind of command."""
     rng = np.random.default_rng(60 + n)
     group, C = None, None
     while C is None:

@@ -91,7 +91,7 @@ def test_no_bound_is_exceeded(kind, n, sample):
 
 @pytest.mark.parametrize("n", [3, 4])
 def test_a_gain_matrix_in_the_corners_of_a_box(n, sample):
-    """Problems in which a projection face by face increased V without bound. The step is 2^-10 s, because reaching a face within
+    """In these problems a projection face by face increased V without bound. The step is 2^-10 s, because reaching a face within
     a step causes an error of a fraction of a step."""
     rng = np.random.default_rng(41)
     members = []

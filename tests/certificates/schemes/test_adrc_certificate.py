@@ -108,7 +108,8 @@ def test_the_step_that_a_fast_observer_tolerates(problems):
 
 
 def test_an_aircraft_whose_gain_is_unknown_has_margins_too():
-    """f16-short-period at 70 % effectiveness. With several inputs and other regressors the margins come from linearisation."""
+    """The case is f16-short-period, at 70 % effectiveness. With several inputs and other regressors the margins come from
+    linearisation."""
     case = load_case("f16-short-period")
     found, _ = certified(case.problem, Adrc(bandwidth=3.0), ("delay_margin", "error_bound"))
     assert found.values["delay_margin"] > 0 and "error_bound" not in found.values

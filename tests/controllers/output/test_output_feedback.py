@@ -289,7 +289,7 @@ def test_linear_equivalent_agrees_to_rounding_inside_the_bounds(gamma, filter):
 
 
 def test_equivalent_against_python_control():
-    """python-control combines the block diagram to K and F. The integral action is a pole at s = 0."""
+    """python-control combines the block diagram into K and F. The integral action is a pole at s = 0."""
     for gamma in (5.0, 1e4):
         controller = l1(gamma=gamma)
         s = control.tf("s")

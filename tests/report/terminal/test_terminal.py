@@ -339,7 +339,7 @@ def test_five_lines_are_all_there_and_whole(name, width):
 
 
 def test_the_longest_limits_fit_80_columns():
-    """Numbers with the largest number of printed digits, and every verdict on the step."""
+    """The test prints numbers with the largest number of digits, and every verdict on the step."""
     values = {"gamma_max": 1.234e5, "gamma_max_at_model": 1.23e6, "step_max": 1.234e-5, "step_max_at_model": 1.234e-4}
     made = Certificate(tuple(Entry(key=key, value=value, kind="estimate") for key, value in values.items()))
     column = certified("paper")[1].columns[0]

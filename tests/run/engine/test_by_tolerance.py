@@ -1,4 +1,4 @@
-"""Runs with steps by a tolerance, compared with exact solutions, with SciPy's DOP853 and with sufficiently fine fixed steps."""
+"""Runs with variable steps, compared with exact solutions, with SciPy's DOP853 and with sufficiently fine fixed steps."""
 
 from dataclasses import replace
 from itertools import pairwise

@@ -158,7 +158,7 @@ def test_a_jump_s_moments(solver):
 
 
 def test_one_step_of_delay():
-    """Delays from one step on, compared with the same delay on a grid eight times as fine."""
+    """Delays from one step on are compared with the same delay on a grid eight times as fine."""
     given = problem(Sine(amplitude=1.0, frequency=1.3), delay=0.0123)
     controller = Mrac(gamma=2.0, theta_hat0=THETA)
     steps = np.array([0.0123, 0.01, 0.008])

@@ -144,8 +144,8 @@ def test_a_regressor_that_dies_out_is_said(section_v):
 
 @pytest.mark.parametrize("law", [Gradient(gamma=10.0), LeastSquares(covariance0=500.0)])
 def test_the_normalised_regressor_is_the_filtered_state(section_v, law):
-    """phi = W_m(s)[x]/m_s by an independent simulation with the recorded x. The tolerance 1e-5 is for the linear interpolation of
-    20,000 points."""
+    """phi = W_m(s)[x]/m_s is computed by an independent simulation with the recorded x. The tolerance 1e-5 is for the linear
+    interpolation of 20,000 points."""
     result = run(section_v, NormalizedMrac(c_0=[1.0, 1.0], law=law), record_points=20_000)
     plant = section_v.plant
     system = (plant.A_m, plant.b[:, None], np.array([[1.0, 1.0]]), np.zeros((1, 1)))

@@ -37,7 +37,7 @@ class Members:
     lags     (M,) for a step with a delay, see ``delay.lag``; with a tolerance, delays (M,) [s] replace them
     history  (m, M) for a step with a delay: the value of each of its m inputs before t = 0
     seeds    (M,) and numbers (M,) for a step with noise: the stream of each member
-    attempts    for steps by a tolerance: attempts that are observed. The program is then that of the observer, with
+    attempts    for variable steps: attempts that are observed. The program is then that of the observer, with
                 ``remembered`` stored entries
     windows  largest number of windows of the run for which the kernel of a single member keeps the monitored quantity; 0 if the
              kernel monitors nothing, as for a large loop

@@ -16,7 +16,7 @@ OPEN = 0.1
 
 @dataclass(frozen=True)
 class Accuracy:
-    """The accuracy of a run by tolerance.
+    """The accuracy of a variable-step run.
 
     tolerance  admissible error of each step
     finer      the tolerance of the second run

@@ -55,7 +55,7 @@ SHAKES = 10
 
 
 def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, share: float) -> str | None:
-    """A sentence if a control without a limit cycle reverses far more often than the driving signals explain."""
+    """Return a sentence if a control without a limit cycle reverses far more often than the driving signals explain."""
     if verdict is None or verdict.figures is None or verdict.kind not in (Class.FOLLOWS, Class.OFF):
         return None
     if not verdict.settled or verdict.of_the_solver:
@@ -70,8 +70,8 @@ def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, sha
 
 
 def behind_the_delay(problem: TrackingProblem, verdict: Verdict | None, t: Array, x_m: Array, tail: float) -> str | None:
-    """A sentence if a run is off by no more than ``OFF_BY_DELAY`` times what the delay at the plant's input alone would cause. To
-    find this, x_m (K, n) at the instants t (K,) is compared with itself delayed by this time, from ``tail`` [s] on."""
+    """Return a sentence if a run is off by no more than ``OFF_BY_DELAY`` times what the delay at the plant's input alone would
+    cause. To find this, x_m (K, n) at the instants t (K,) is compared with itself delayed by this time, from ``tail`` [s] on."""
     names = list(problem.followed_names)
     if problem.delay == 0 or verdict is None or verdict.kind is not Class.OFF or verdict.component not in names:
         return None
@@ -92,7 +92,7 @@ OFF_BY_DELAY = 2.0
 
 
 def lost_when_held(verdict: Verdict | None) -> str | None:
-    """A sentence if the run diverges in the continuation that is examined for a limit cycle."""
+    """Return a sentence if the run diverges in the continuation that is examined for a limit cycle."""
     if verdict is None or not verdict.lost_when_held:
         return None
     return (
@@ -102,25 +102,25 @@ def lost_when_held(verdict: Verdict | None) -> str | None:
 
 
 def truth_apart(problem: TrackingProblem) -> str | None:
-    """A sentence if the simulated plant differs from the design plant."""
+    """Return a sentence if the simulated plant differs from the design plant."""
     found = departures(problem) if isinstance(problem, Problem) else []
     return apart_sentence(found) or None
 
 
 def unmatched_ranges(problem: TrackingProblem) -> str | None:
-    """A sentence if ranges of physical parameters leave a remainder that estimates cannot match."""
+    """Return a sentence if ranges of physical parameters leave a remainder that estimates cannot match."""
     derived = problem.derived if isinstance(problem, Problem) else None
     return None if derived is None or derived.is_matched else derived.sentences[1]
 
 
 def wide_ranges(problem: TrackingProblem) -> str | None:
-    """A sentence if bounds from ranges of physical parameters are much wider than the values found at points."""
+    """Return a sentence if bounds from ranges of physical parameters are much wider than the values found at points."""
     derived = problem.derived if isinstance(problem, Problem) else None
     return None if derived is None else derived.too_wide
 
 
 def held_after_its_end(problem: TrackingProblem, t_end: float) -> str | None:
-    """A sentence if a recorded command or disturbance ends before the run does, at ``t_end`` [s]."""
+    """Return a sentence if a recorded command or disturbance ends before the run does, at ``t_end`` [s]."""
     for signal in problem.signals:
         if not isinstance(signal, InterpolatedSignal):
             continue

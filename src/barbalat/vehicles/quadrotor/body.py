@@ -10,7 +10,7 @@ from barbalat.validate import InputError, Vector
 INTEGRATOR = "RK4"
 """The integrator. MuJoCo's default, Euler steps, lets the energy drift; a test compares both."""
 STEP = 1 / 400
-"""The step [s], which is the sample time of the attitude controllers. A test shows that half of it gives the same motion."""
+"""The step [s], which is the sample time of the attitude controllers. A test shows that half this step gives the same motion."""
 AIR_DENSITY = 1.225
 """Density of air [kg/m^3]. MuJoCo models the drag of a box with the mass and inertia of the body, quadratic in the airspeed."""
 SPINS = (1, -1, 1, -1)
