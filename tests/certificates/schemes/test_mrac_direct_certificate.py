@@ -173,6 +173,23 @@ def test_where_an_ideal_gain_is_out_of_reach_nothing_is_claimed(problems):
     assert "error_bound" in found.guaranteed and column.cells["tracking"].applies
 
 
+def test_with_a_disturbance_the_error_is_bounded_but_not_said_to_converge():
+    """From the ideal gains V(0) = 0, and d moves e, so V grows; the error of the run does not vanish."""
+    problem = Problem(
+        plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[1.5]),
+        reference_model=ReferenceModel(k_0=1.0),
+        reference=Sine(amplitude=2.0, frequency=0.5),
+        uncertainty=ParameterBox(lower=[-2.0], upper=[2.0]),
+        input_gain=(0.5, 3.0),
+        disturbance=Sine(amplitude=0.5, frequency=3.0),
+    )
+    found, column = judged(problem, DirectMrac(gamma=20.0))
+    assert "error_bound" in found.guaranteed and column.cells["stability"].applies
+    (run,) = simulate(problem, [DirectMrac(gamma=20.0)], Simulation(t_end=200.0, dt=1e-3)).values()
+    assert max(run.figures["tail_max_abs_e"]) > 0.02
+    assert not column.cells["tracking"].applies and not column.cells["estimates"].applies
+
+
 def test_nothing_is_claimed_beside_a_delay(problems):
     plant = replace(problems[2].plant, input=PlantInput(gain=2.0, delay=0.1))
     found, _ = judged(replace(problems[2], plant=plant), DirectMrac(gamma=1.0))

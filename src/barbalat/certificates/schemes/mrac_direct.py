@@ -70,7 +70,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
     theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
     draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
     bound = _with_disturbances(problem, gains) or _error_level(problem, gains, omega)
-    rests_on = _rests_on(problem, gains, bound)
+    rests_on = _rests_on(problem, gains, bound, _acting(problem, gains))
     draft.guarantee("error_bound", bound, *rests_on)
     _add_worst(draft, problem, gains, rests_on)
     _add_limits(draft, problem, controller, simulation, bound)
@@ -106,7 +106,7 @@ def _of_several(
     of_x = np.tile(omega, len(k_x) // m) * (gains.theta_hat0 - k_x) ** 2 / gains.gamma.value
     V = math.fsum(of_x.tolist()) + _feedforward_V(gains, omega)
     bound = _with_disturbances(problem, gains) or math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**2
-    rests_on = _rests_on(problem, gains, bound)
+    rests_on = _rests_on(problem, gains, bound, _acting(problem, gains))
     draft.guarantee("error_bound", bound, *rests_on)
     _add_worst(draft, problem, gains, rests_on)
     add_linearised(draft, problem, controller, simulation)
@@ -187,11 +187,13 @@ def _feedforward_V(gains: ControlGains, omega: Array) -> float:
     return math.fsum((np.repeat(omega, len(k_r) // gains.inputs) * (gains.k_r0 - k_r) ** 2 / gains.gamma_r).tolist())
 
 
-def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tuple[Assumption, ...]:
-    """The assumptions: the plant (1) with any input gain, and ideal gains inside the projection set."""
+def _rests_on(
+    problem: Problem, gains: ControlGains, bound: float | None, acting: Assumption | None = None
+) -> tuple[Assumption, ...]:
+    """The assumptions: the plant (1) with any input gain, and ideal gains inside the projection set. ``acting`` is that on the
+    disturbances; without it there are none."""
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, bound))
     corners = laws.keeps_V_in_corners(gains.gamma.value, gains.estimate_set)
-    acting = _acting(problem, gains)
     return (*nominal(problem, gain_adapted=True, acting=acting), _reachable(problem, gains), *regressor, corners)
 
 
@@ -255,7 +257,7 @@ def _add_limits(draft: Draft, problem: Problem, controller: DirectMrac, simulati
 
 
 def column(problem: Problem, controller: DirectMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """The scheme's name in Table 1 and its cells."""
+    """The scheme's name in Table 1 and its cells. A disturbance voids the statements on convergence, though not the bound."""
     bound = certificate.entry("error_bound")
     rests_on = _rests_on(problem, controller.bind(problem.known).gains, None if bound is None else bound.value)
     cells = lyapunov_cells(problem, certificate, rests_on, "sqrt(V(0)/lambda_min(P)) = ")
