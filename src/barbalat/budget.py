@@ -174,7 +174,7 @@ def require(
 
 
 def largest(fitting: Callable[[int], bool], least: int, beyond: int) -> int | None:
-    """The largest number from ``least`` on that fits, given that ``beyond`` does not; None if ``least`` does not fit either."""
+    """The largest number, at least ``least``, that fits, where ``beyond`` does not fit; None if ``least`` does not fit either."""
     if not fitting(least):
         return None
     within = least

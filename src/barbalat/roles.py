@@ -251,8 +251,8 @@ def state_parts(equations: Any, initial: Any, start: int = 0) -> tuple[StatePart
 
 
 def main_estimates(parts: tuple[StatePart, ...]) -> StatePart | None:
-    """The estimates that results call ``theta_hat``: those in the field of that name, or else the first; None without
-    estimates."""
+    """The estimates that results call ``theta_hat``: those in the field of that name, or else the first estimates of the state;
+    None without estimates."""
     found = [part for part in parts if part.role.kind == "estimates"]
     return next((part for part in found if part.path == "theta_hat"), found[0] if found else None)
 

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 
 class _SignatureOfInit:
-    """The signature that ``help``, editors and the reference show: that of ``__init__``, since ``__new__`` takes anything."""
+    """The signature that ``help``, editors and the reference show: the signature of ``__init__``, since ``__new__`` takes
+    anything."""
 
     def __get__(self, instance: object, kind: type) -> Signature:
         if instance is not None:

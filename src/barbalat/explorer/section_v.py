@@ -22,8 +22,8 @@ PAPER = "jafari_2013"
 PAPER_CASE = "paper"
 """The bundled case of these lessons."""
 OSCILLATING_RATE, QUIET_RATE = 20.0, 1.0
-"""Variation of an estimate [1/s]: of one that sweeps the box once per second, there and back, and of one that varies only because
-of the command."""
+"""The variation [1/s] of an estimate that sweeps the box once per second, there and back, and of an estimate that varies only
+because of the command."""
 QUIET_GAIN = 300.0
 """Gain of L1-AC. It is far below the gain at which the loop oscillates with the paper's step, so that the solver has no visible
 effect."""

@@ -126,8 +126,8 @@ def _levels(lowest: Array, highest: Array) -> tuple[Array, Array]:
 
 
 def phase_crossings(crossings: Crossings, delay: float, crossovers: Array) -> Array:
-    """All w at which L e^(-j w d) is negative and real, up to the w beyond which |L| stays below the largest such magnitude that
-    is under 1.
+    """All w at which L e^(-j w d) is negative and real, up to the w beyond which |L| stays below the largest of these magnitudes
+    that is less than 1.
 
     Above the last crossover w_c, the delay alone causes a crossing. Zeros and poles rotate the phase by at most pi each, so it
     falls through an odd multiple of pi before w_c + (R + 2) pi/d. If k is the factor at that crossing, smaller factors cannot

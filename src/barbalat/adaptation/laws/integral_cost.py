@@ -39,7 +39,8 @@ class IntegralCost(Settings):
     leakage     FixedSigma or SwitchingSigma; none by default
 
     Without modelling error Q = R theta, and V = theta_tilde'Gamma^-1 theta_tilde/2 has V' = -theta_tilde'R theta_tilde <= 0.
-    Under persistent excitation the rate of convergence grows with Gamma without bound, unlike that of the instantaneous cost.
+    Under persistent excitation the rate of convergence grows with Gamma without bound, unlike the rate for the instantaneous
+    cost.
 
     The law uses an integral of past errors. A dead zone therefore has no single error on which to act, and V' is not proportional
     to the present error, as the epsilon-modification requires. Both are rejected.

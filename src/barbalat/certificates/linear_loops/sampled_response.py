@@ -209,7 +209,7 @@ def _whole(problem: Problem, controller: Controller) -> _Whole:
 
 
 def _reached(A: Array, B: Array, T: float) -> tuple[Array, Array]:
-    """Columns (s, K) that a disturbance reaches by the end of a sample, and the weights (K, d) of its sizes for them."""
+    """Columns (s, K) that a disturbance reaches by the end of a sample, and the weights (K, d) of its sizes for these columns."""
     if B.shape[1] == 0:
         return np.zeros((len(A), 0)), np.zeros((0, 0))
     s, count = B.shape

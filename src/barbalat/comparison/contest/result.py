@@ -38,7 +38,7 @@ class Paired:
     interval  the interval of the ratio
     better, worse  fractions of the runs in which the first entrant has the smaller or the larger error; a failed run counts as
                    the larger error
-    both_failed    number of runs in which both failed, which count for neither
+    both_failed    number of runs in which both failed; they count for neither
     """
 
     first: str

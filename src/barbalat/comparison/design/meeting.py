@@ -60,7 +60,7 @@ class Stage:
 class StepTest:
     """The judged steps of the command: the first step, from rest, and the largest step. Each is held until the model is at rest.
 
-    own        the simulation of the command of the case
+    own        the simulation with the command of the case
     commands   the commands with these steps
     component  the judged state, with ``name`` as its label; ``band`` is the band that the judge uses
     stages     the judged steps of that state

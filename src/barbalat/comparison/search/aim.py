@@ -132,7 +132,7 @@ class Trial:
     found     the value of each evaluated constraint
     complete  whether everything was evaluated
     refused   the reason why no case can be built
-    undelayed  the runs without a modelling error on the plants
+    undelayed  the runs on the plants, without a modelling error
     """
 
     row: Array

@@ -92,7 +92,7 @@ class Tuned:
     trials, runs  numbers of tried tunings and of simulations
     step     the result of a finer step for the chosen tuning. If the finer step alone prevents any choice, it is the result
              for the nearest tuning
-    refused  results of a finer step for better tunings, which meet every constraint only with the step of the case
+    refused  results of a finer step for better tunings, which meet every constraint only at the step of the case
     verdict  the judge's verdict on the run of the chosen tuning, or of the nearest tuning, on the plant of the case
     delay_margin_measured  the delay margin [s] of this tuning on the worst plant, if a linear delay margin is requested;
                            otherwise None

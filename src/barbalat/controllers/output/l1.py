@@ -20,8 +20,8 @@ from barbalat.validate import InputError
 
 @dataclass(frozen=True, eq=False)
 class OutputPredictor(SampledForm):
-    """Equation (21): predictor and sigma in one implicit step, for every gamma and T; the predictor receives sigma after
-    projection.
+    """Equation (21) as one implicit step of predictor and sigma, which exists for every gamma and T; the predictor receives sigma
+    after projection.
 
     With y_next = y + T (-m y_mid + m (u + s) + w), where sigma estimates s, y_tilde = y - y_hat and sigma_tilde = sigma - s, V =
     y_tilde^2 + m sigma_tilde^2/gamma changes by at most -2 m T y_tilde^2 + 2 T y_tilde w, with y_tilde at the end of the sample.

@@ -1,8 +1,8 @@
 """L1 output feedback with the piecewise-constant law, for a stable, minimum-phase model of any order; always sampled.
 
-One output determines x_hat - x in one direction: g with c'g = 1, the only direction in which the law acts. With A_m'P + P A_m =
--I and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde minimises the norm given by P, so the prediction error decreases at every
-sample time. Without uncertainty, x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k].
+One output determines x_hat - x in one direction only; the law acts only in this direction g, which satisfies c'g = 1. With A_m'P
++ P A_m = -I and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde minimises the norm given by P, so the prediction error decreases at
+every sample time. Without uncertainty, x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k].
 """
 
 from __future__ import annotations

@@ -130,7 +130,8 @@ class _March:
         return found
 
     def _transition(self, name: str, step: arb) -> arb_mat:
-        """e^(A step), by repeatedly squaring that of a short part; its balls stay small where fast modes have decayed."""
+        """e^(A step), computed by repeatedly squaring the exponential of a short part; its balls stay small where fast modes have
+        decayed."""
         if name not in self.transitions:
             size = float(np.abs(as_floats(self.A)).sum(axis=1).max()) * float(step)
             halvings = max(0, math.frexp(size)[1])
