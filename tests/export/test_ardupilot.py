@@ -113,7 +113,7 @@ def test_what_is_measured_has_the_units_of_the_cases_labels(tmp_path) -> None:
     compile_and_run(text.replace("in.r[0] = 0.25f;", "in.r[0] = 0.25f * 57.2957795f;"), tmp_path)
     assert "in the case's units (deg and deg/s)" in (tmp_path / "ARDUPILOT.md").read_text()
     heights = replace(problem, labels=Labels(names=("altitude", "climb"), units=("m", "m/s")))
-    with pytest.raises(InputError, match=r"hands over rad or deg and then rad/s or deg/s: got labels.units = \['m', 'm/s'\]"):
+    with pytest.raises(InputError, match=r"passes rad or deg and then rad/s or deg/s: got labels.units = \['m', 'm/s'\]"):
         export_controller(heights, controller, SIMULATION, out=tmp_path / "no", target="ardupilot", name="pitch")
 
 
