@@ -70,7 +70,7 @@ function gridValues(data, setting) {
   return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one, setting)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt, setting)) };
 }
 
-// Delays from a tenth to ten times the case's own delay, none shorter than its step.
+// Delays from a tenth of the case's own delay to ten times that delay, but none shorter than the case's step.
 function delayValues(data) {
   const { delay, simulation: { dt } } = data;
   const found = [];

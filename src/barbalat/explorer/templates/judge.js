@@ -334,7 +334,7 @@ function saidOf(verdict) {
   return `within ${deviation(beside, true)}, but off by ${deviation(verdict, true)}`;
 }
 
-// As Deviation.said in judge/verdict.py.
+// Describes a deviation in words, as Deviation.said in judge/verdict.py does.
 function deviation({ component, unit, error, band, followsShare, scale }, named) {
   const [found, where] = [`${brief(error)}${unit ? ` ${unit}` : ""}`, ` in ${component}`];
   if (band !== followsShare * scale) return `${found}${named ? where : ""} (band ${brief(band)}${unit ? ` ${unit}` : ""})`;

@@ -26,7 +26,7 @@ function short(value) {
   return value === null ? "none: the run diverged" : String(Number(value.toPrecision(3)));
 }
 
-// Returns whether a check holds, and a text with the value found.
+// Returns whether a check holds, and a phrase with the value found.
 function judged(data, setting, figures, started, check) {
   if ("unprojected" in check) return [setting.projection[check.unprojected] === "off", "projection is on again"];
   if ("bounded" in check) {

@@ -1,4 +1,4 @@
-// Simulates one setting of one controller at a time. Kernels and the table of commands are kept for the next one.
+// Simulates one setting of one controller at a time. Kernels and the table of commands are kept for the next setting.
 
 import { bytesOf } from "./bytes.js";
 import { CHUNK_STEPS, segmentsOf, Table } from "./grid.js";

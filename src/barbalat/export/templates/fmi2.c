@@ -4,7 +4,7 @@
  */
 #include "fmu_instance.h"
 
-#ifdef FMI_OFFICIAL_HEADERS /* of the standard; otherwise the following declares the necessary parts */
+#ifdef FMI_OFFICIAL_HEADERS /* use the standard's header; otherwise declare the necessary parts */
 #include "fmi2Functions.h"
 #else
 #include "fmi2_types.h"
@@ -221,5 +221,5 @@ FMI fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi
     return fmi2OK;
 }
 
-/* Statuses of pending steps, which do not occur; then functions that are not offered, as modelDescription.xml states. */
+/* Below are the statuses of pending steps, which do not occur, and functions not offered, as modelDescription.xml states. */
 ${refused}

@@ -4,7 +4,7 @@
  */
 #include "fmu_instance.h"
 
-#ifdef FMI_OFFICIAL_HEADERS /* of the standard; otherwise the following declares the necessary parts */
+#ifdef FMI_OFFICIAL_HEADERS /* use the standard's header; otherwise declare the necessary parts */
 #include "fmi3Functions.h"
 #else
 #include "fmi3_types.h"
@@ -224,5 +224,5 @@ FMI fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 point, fmi3Float64 size, f
     return said((const instance *)c, grades[grade], what);
 }
 
-/* Types without variables; then functions that are not offered, as modelDescription.xml states. */
+/* Below are the types without variables, and functions that are not offered, as modelDescription.xml states. */
 ${refused}

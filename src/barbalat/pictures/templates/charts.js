@@ -104,7 +104,7 @@ function lookOf(panel, theme) {
   return JSON.stringify([panel.title, panel.note, panel.log, series, theme]);
 }
 
-// A text that names the lost runs of a panel.
+// Returns a phrase that names the lost runs of a panel.
 function goneFrom(panel) {
   const runs = panel.series.filter(({ gone }) => gone !== undefined);
   const lost = runs.filter(({ gone }) => gone);
