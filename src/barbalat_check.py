@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import re
 import sys
 from collections.abc import Callable, Iterable
@@ -49,6 +50,7 @@ def number(value: Any) -> fmpq:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise Refused(f"expected a number, got {value!r}")
     if isinstance(value, float):
+        require(value - value == 0, f"expected a finite number, got {value}")
         return fmpq(*value.as_integer_ratio())
     if isinstance(value, int):
         return fmpq(value)
@@ -324,7 +326,7 @@ class Case:
         require(not known or all(one == 1 for one in self.gain), "the plant must be (1), but its input has a gain other than 1")
         require(all(one > 0 for one in self.gain), "the input's gain must be positive")
         carried = disturbed and self.theta_0 is None
-        for name in ("sensor", "unmatched_ranges", *(() if carried else ("disturbance", "unmatched"))):
+        for name in ("sensor", "noise", "unmatched_ranges", *(() if carried else ("disturbance", "unmatched"))):
             require(self.facts[name] in (None, [], ""), f"the plant must be (1), but the case has: {name}")
         self.command_bounds()
 
@@ -1644,6 +1646,8 @@ class OwnV:
         require(c.case.interval is None and c.case.theta_0 is None, "the input's gain must be known, and there is no baseline")
         require("sample_time" not in c.facts, "the controller must act continuously")
         c.case.assumed["the polynomials of the law, its functions, normals and initial values are those of the controller"] = None
+        if c.fact("law")["normals"]:
+            c.case.assumed["rates - gain n of projected estimates, as they stand in the file, do not leave the known set"] = None
         self.c, self.law, facts = c, Law(c), c.fact("V")
         law, size = self.law, len(facts["of"])
         self.s = facts["of"]
@@ -1714,23 +1718,39 @@ class OwnV:
 
     def _without_normals(self, motion: fmpq_mpoly) -> fmpq_mpoly:
         """V' without -k (theta_hat - theta)'n, where n is an outward normal of the known set at theta_hat, which is in it."""
-        law, lowers, p = self.law, set[str](), len(self.law.theta)
+        law, lowers = self.law, set[str]()
         for one in self.c.fact("law")["normals"]:
             of, n, known, k = one["of"], one["n"], self.c.require_theta_known(), list[fmpq]()
-            require(len(of) == len(n) == p, "the projected part of the state must have the size of theta")
-            require(known.holds([self.start[name] for name in of]), "theta_hat(0) must lie in the set that is projected onto")
+            alone = self._require_projection(of, n, matrix(one["gain"], len(law.theta), len(law.theta)), known)
+            require(not lowers & set(of), "a part of the state may be projected once only")
             for name, normal, true in zip(of, n, law.theta, strict=True):
                 slope = law.slope(motion, normal)
                 k.append(law.at_zero(law.slope(slope, true)) / law.at_zero(law.below))
                 falls = slope == law.below * (law.gens[true] - law.gens[name]) * k[-1]
                 require(falls and k[-1] >= 0, "the projection must lower V")
                 lowers |= {name} if k[-1] > 0 else set()
-            couples = any(not law.slope(law.rates[a], b).is_zero() for i, a in enumerate(of) for j, b in enumerate(n) if i != j)
-            require(not couples or known.faces <= 4, "with a gain matrix the projection may make V grow in corners")
-            alone = isinstance(known, Box) and not couples
             require(alone or len(set(k)) == 1, "V must weight all parameters in the same way as the gain of the projection")
         require(set(self.c.fact("law")["limited"]) <= lowers, "estimates that are kept in the known set must be projected")
         return law.replaced(motion, dict.fromkeys(law.normals, law.zero))
+
+    def _require_projection(self, of: list[str], n: list[str], gain: fmpq_mat, known: Box | Ball) -> bool:
+        """Require that n occurs as -gain n in the rates of theta_hat, and in no other rate of e, x and V nor in u, so that
+        theta_hat stays in the set. Return whether each theta_tilde_i n_i >= 0."""
+        law, p = self.law, len(self.law.theta)
+        limited = set(self.c.fact("law")["limited"])
+        require(len(of) == len(set(of)) == len(n) == p and set(of) <= set(law.state), "what is projected must have theta's size")
+        require(known.holds([self.start[name] for name in of]), "theta_hat(0) must lie in the set that is projected onto")
+        require(positive_definite(gain), "the gain of a projection must be positive definite")
+        require(not limited & set(of) or set(of) <= limited, "all projected estimates or none are kept in the known set")
+        for name, row in zip(of, gain.tolist(), strict=True):
+            as_returned = all(law.slope(law.rates[name], one) == -law.below * K for one, K in zip(n, row, strict=True))
+            require(as_returned, "the rates of projected estimates must be those of the projection: n occurs as -gain n only")
+        others = [law.rates[name] for name in (*law.e, *law.x, *self.s) if name not in of]
+        require(not any(law.used(one) & set(n) for one in (*others, *law.u)), "a normal may act on projected estimates only")
+        couples = any(K != 0 for i, row in enumerate(gain.tolist()) for j, K in enumerate(row) if i != j)
+        exact = known.faces <= 4 and not known.faces == 2 < p  # the limit cuts a corner of two faces
+        require(not couples or exact, "with a gain matrix the projection may make V grow in corners")
+        return isinstance(known, Box) and not couples
 
     def _require_motion(self) -> None:
         """Require that no part of the state escapes in finite time: group by group their rates are linear in them."""
@@ -1893,7 +1913,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Check a file. The exit code is 0 if all lines hold, 1 if a line does not, and 2 if the file can't be read."""
     given = sys.argv[1:] if arguments is None else arguments
     if len(given) != 1 or given[0].startswith("-"):
-        print("usage: barbalat-check FILE\n\n" + (__doc__ or "").strip())
+        say("usage: barbalat-check FILE\n\n" + (__doc__ or "").strip())
         return 0 if given in (["-h"], ["--help"]) else 2
     try:
         document = json.loads(Path(given[0]).read_text(encoding="utf-8"), parse_constant=number)
@@ -1902,12 +1922,20 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     try:
         said, assumed = check(document)
-    except (Refused, AttributeError, KeyError, TypeError) as error:
-        print(f"refused: {error}")
+    except (Refused, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+        say(f"refused: {error}")
         return 1
-    print("\n".join(said + [f"assumed, and not derived from numbers: {sentence}" for sentence in assumed]))
-    print("all lines hold")
+    said += [f"assumed, and not derived from numbers: {sentence}" for sentence in assumed]
+    say("\n".join([*said, "all lines hold"]))
     return 0
+
+
+def say(text: str) -> None:
+    """Print, also if the reader of a pipe has gone."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

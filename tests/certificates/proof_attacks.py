@@ -128,8 +128,8 @@ def _broken_premises(plant: Document, facts: Document) -> Iterator[tuple[str, Do
 
     yield "a delay", on_the_way(delay=0.01)
     yield "a limit", on_the_way(saturation="[-1, 1]")
+    yield "noise", plant | {"noise": "Noise"}
     if plant.get("kind") == "output":
-        yield "noise", plant | {"noise": "Noise"}
         yield "a command without a bound", plant | {"reference": {"kind": "unbounded"}}
         return
     yield "an actuator", on_the_way(actuator="1/(s + 1)")

@@ -325,3 +325,22 @@ def test_what_is_no_proof_is_refused(tmp_path, capsys, text):
     file.write_text(text)
     assert barbalat_check.main([str(file)]) == 1
     assert capsys.readouterr().out.startswith("refused: ")
+
+
+def test_a_number_beyond_all_bounds_is_refused_in_a_sentence(tmp_path, capsys, certified):
+    file = tmp_path / "infinite.json"
+    document = document_of(*certified("first-order"))
+    document["plant"]["A_m"][0][0] = "huge"
+    file.write_text(json.dumps(document).replace('"huge"', "1e400"))
+    assert barbalat_check.main([str(file)]) == 1
+    assert capsys.readouterr().out == "refused: expected a finite number, got inf\n"
+
+
+def test_a_closed_pipe_ends_the_checker_quietly(tmp_path, certified):
+    file = tmp_path / "first-order.json"
+    file.write_text(json.dumps(document_of(*certified("first-order"))))
+    with subprocess.Popen(
+        [sys.executable, barbalat_check.__file__, str(file)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as run:
+        run.stdout.close()
+        assert (run.wait(timeout=60), run.stderr.read()) == (0, b"")

@@ -22,7 +22,7 @@ from barbalat.validate import InputError
 
 OWN = {
     "estimates_error_bound": Quantity("of every component of the estimates minus theta, at all times"),
-    "lyapunov_decay": Quantity("what was shown about V, the Lyapunov function supplied by the law's author", timeless=True),
+    "lyapunov_decay": Quantity("what was shown about V, the Lyapunov function supplied by the law's author"),
     "error_limit": Quantity("of |e|, for t to infinity"),
 }
 """The meanings of the keys that only a law with its own V has."""

@@ -211,3 +211,8 @@ def is_positive_semidefinite(matrix: list[list[fmpq]]) -> bool:
                 work[i][j] -= factor * work[k][j]
                 work[j][i] = work[i][j]
     return True
+
+
+def is_positive_definite(matrix: fmpq_mat) -> bool:
+    """Whether a matrix is symmetric and positive definite."""
+    return bool(matrix == matrix.transpose() and is_positive_semidefinite(matrix.tolist()) and matrix.det() != 0)

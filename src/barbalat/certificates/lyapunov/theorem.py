@@ -18,7 +18,7 @@ from flint import arb, fmpq, fmpq_mat
 
 from barbalat.certificates.lyapunov.rational import Rational, Ring, as_float, exact_number
 from barbalat.certificates.lyapunov.reading import Reading
-from barbalat.certificates.lyapunov.squares import Squares, is_positive_semidefinite, sum_of_squares
+from barbalat.certificates.lyapunov.squares import Squares, is_positive_definite, is_positive_semidefinite, sum_of_squares
 from barbalat.linear.enclosure import float_above
 from barbalat.problem.known_set import KnownSet
 from barbalat.validate import Array
@@ -176,6 +176,7 @@ def shown(reading: Reading, known_set: KnownSet | None) -> Shown:
     factors, recorded = _what_stays_nonnegative(reading, solved)
     substituted = _Substitution(ring, solved, factors, form.shifted)
     W = substituted.of(_one(ring, declared.W, "W"))
+    _require_projections(reading, known_set, form.places)
     falls = _without_normals(reading, substituted.of(-reading.along(V)))
     _require_positive_denominators(reading, falls, W)
     cells = _Cells(reading, known_set)
@@ -257,7 +258,7 @@ class _QuadraticForm:
 
         e, s, theta = list(reading.e), list(self.places), list(reading.theta)
         self.M, self.M_ss = block(e + s, e + s), block(s, s)
-        if not _is_positive_definite(self.M):
+        if not is_positive_definite(self.M):
             raise Refused("V is not positive definite in e and in the parts of the state that it contains")
         across = block(s, theta)
         self.L = -(self.M_ss.solve(across) if s else across)
@@ -274,12 +275,6 @@ class _QuadraticForm:
             place: variables[place] + sum((variables[one] * self.L[i, j] for j, one in enumerate(theta)), variables[place] * 0)
             for i, place in enumerate(self.places)
         }
-
-
-def _is_positive_definite(matrix: fmpq_mat) -> bool:
-    size = matrix.nrows()
-    entries = [[matrix[i, j] for j in range(size)] for i in range(size)]
-    return is_positive_semidefinite(entries) and matrix.det() != 0
 
 
 def _arrays(declared: Any) -> list[Any]:
@@ -376,6 +371,24 @@ class _Substitution:
         return function.replaced(self.by)
 
 
+def _require_projections(reading: Reading, known_set: KnownSet | None, in_V: tuple[int, ...]) -> None:
+    """Require that each projection keeps its estimates in the known set: they start there, and their rate is what the projection
+    returns. A rate that is changed afterwards may leave the set, and bringing the estimates back may increase V."""
+    for normals in reading.normals:
+        returned = zip(normals.of, normals.returned(reading.ring), strict=True)
+        if not all((reading.rates[place] - rate).is_zero for place, rate in returned):
+            raise Refused(
+                "the rate of the estimates is not exactly what `project` returns: a gain must be handed to `project`, and "
+                "nothing may be added to the result"
+            )
+        others = [reading.rates[place] for place in (*reading.e, *reading.x, *in_V) if place not in normals.of]
+        if any(one.used & set(normals.places) for one in (*others, *reading.control)):
+            raise Refused("a projected rate acts on something other than the projected estimates")
+        start = np.array([as_float(reading.start[place - reading.state.start]) for place in normals.of])
+        if known_set is None or not known_set.contains(start):
+            raise Refused("the estimates do not start in the known set")
+
+
 def _without_normals(reading: Reading, falls: Rational) -> Rational:
     """-V' without the contribution of projections, which is shown to be k (theta_hat - theta)'n with k >= 0."""
     ring, lowers = reading.ring, set()
@@ -384,8 +397,7 @@ def _without_normals(reading: Reading, falls: Rational) -> Rational:
         if len(normals.of) != len(reading.theta):
             raise Refused("the projected part of the state must have the size of theta")
         shares = []
-        for of, place, true in zip(normals.of, normals.places, reading.theta, strict=True):
-            (own,) = of.used
+        for own, place, true in zip(normals.of, normals.places, reading.theta, strict=True):
             slope = slopes.derivative(place)
             k = slope.derivative(true)
             if not k.is_constant or k.number < 0 or not (slope + k * (ring.variables[own] - ring.variables[true])).is_zero:

@@ -108,8 +108,7 @@ class _File:
                 "phi": self.named(reading.phi),
                 "functions": self._functions(W),
                 "normals": [
-                    {"of": self.named(i for of in one.of for i in of.used), "n": self.named(one.places)}
-                    for one in reading.normals
+                    {"of": self.named(one.of), "n": self.named(one.places), "gain": _rows(one.gain)} for one in reading.normals
                 ],
                 "limited": self.named(sorted(reading.limited)),
                 "control": [self.fraction(one) for one in reading.control],
