@@ -400,7 +400,7 @@ class Draw:
         return found
 
     def output_case(self) -> Table:
-        """A plant of first or second order with its model and a fraction of the keys."""
+        """A first- or second-order plant with its model and some of the optional keys."""
         self.n, self.m, self.p = 1, 1, 2
         pole, gain = self.rng.uniform(-1, 3), self.rng.uniform(0.5, 4)
         model = self.rng.uniform(1, 5)

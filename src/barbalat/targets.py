@@ -41,8 +41,8 @@ MEASURED_STATE = Need(
 KNOWN_SET = Need(
     "a known set",
     lambda problem: isinstance(problem, Problem) and problem.uncertainty is not None,
-    "the known set, the ranges of the plant: give the parameters in [parameters] a tolerance, or give uncertainty.lower and "
-    ".upper, or .center and .radius",
+    "the known set, that is, the ranges of the plant's parameters: give the parameters in [parameters] a tolerance, or give "
+    "uncertainty.lower and .upper, or .center and .radius",
 )
 NO_CLOCK = Need(
     "a plant without t in its terms",
@@ -115,7 +115,7 @@ def is_tunable(scheme: object) -> bool:
 IN_PAGES = {
     "formula": "its formula; its numbers have sliders",
     "points": "its points, up to 20,000",
-    "rows": "its values, of which up to 20,000 may differ from the one before",
+    "rows": "its values, with at most 20,000 changes",
 }
 """What a page stores of a signal."""
 

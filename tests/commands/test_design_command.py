@@ -127,7 +127,10 @@ def test_a_case_without_a_specification_is_refused(capsys):
 def test_a_case_without_ranges_is_told_how_to_give_them(tmp_path, capsys):
     (tmp_path / "case.toml").write_text(CASE.replace("SPECIFICATION", "settling = 1.5").replace(UNKNOWN, ""))
     assert main(["design", "case.toml"]) == 2
-    said = "a design needs the known set, the ranges of the plant: give the parameters in [parameters] a tolerance"
+    said = (
+        "a design needs the known set, that is, the ranges of the plant's parameters: give the parameters in [parameters] "
+        "a tolerance"
+    )
     assert said in capsys.readouterr().err
 
 

@@ -66,7 +66,7 @@ def test_the_screen_says_what_is_guaranteed(rig, capsys):
     assert main([*rig, *BOUNDS]) == 0
     assert "known set contains every plant" in " ".join(capsys.readouterr().out.split())
     assert main(rig) == 0
-    assert "confidence intervals, without a guarantee" in " ".join(capsys.readouterr().out.split())
+    assert "confidence intervals and are not guaranteed" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(

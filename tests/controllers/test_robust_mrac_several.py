@@ -95,7 +95,8 @@ def test_the_swapping_identity_and_what_the_auxiliary_input_leaves_of_it(law):
 
 
 def test_with_one_input_it_is_the_scheme_for_one(problems):
-    """The two sets of equations on one plant at random states share only the laws. The tolerance 1e-12 is for roundings."""
+    """The two sets of equations, compared on one plant at random states, share only the laws. The tolerance 1e-12 is for
+    roundings."""
     problem, random = problems[3], np.random.default_rng(2)
     for law in (Gradient(gamma=20.0), LeastSquares(covariance0=50.0), IntegralCost(gamma=5.0, forgetting=0.4)):
         one = RobustMrac(tau=0.2, law=law, normalization=Normalization(alpha_0=0.5)).bind(problem.known)

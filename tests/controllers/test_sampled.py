@@ -138,8 +138,8 @@ def test_no_gain_makes_the_estimates_chatter(section_v):
 @pytest.mark.parametrize("gamma", [1.0, 1e6])
 @pytest.mark.full
 def test_a_short_delay_costs_no_more_than_with_euler_or_without_samples(section_v, gamma):
-    """Section V with T = 1e-3 and delays of one to fifty samples. The error is within a tenth of the error of the Euler form. If
-    a fine step resolves it, it is also within a tenth of the error of the continuous MRAC with half a sample period more delay,
+    """Section V with T = 1e-3 and delays of one to fifty samples. The error is within 10 % of that of the Euler form. If
+    a fine step resolves it, it is also within 10 % of the error of the continuous MRAC with half a sample period more delay,
     which is the average delay due to holding u.
 
     Up to one sample the midpoint form does not even chatter, as docs/sampled.md shows. The predictor stays close to the model.

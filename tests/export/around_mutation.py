@@ -138,8 +138,8 @@ def _changed(line: str, rules: tuple[tuple[str, str], ...]) -> Iterator[str]:
 
 
 def found_around(printed: Printed, folder: Path) -> FoundAround:
-    """Compile the mutants once. The export's own self-test judges each of them, and the walk those that the self-test does not
-    find."""
+    """Compile the mutants once. The export's own self-test judges each of them, and the walk judges those that the self-test
+    misses."""
     text, mutants = mutated_around(printed)
     write(folder, {"controller.h": header(printed), "controller.c": text, "selftest.c": selftest(printed)})
     write(folder, {"main.c": _walk(printed)})

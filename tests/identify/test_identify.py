@@ -270,8 +270,8 @@ def test_within_is_honoured_without_noise_bounds():
     row = found.rows[1]
     assert free.nominal[0] > 22 and row.nominal[0] == pytest.approx(22.0) and (row.estimate == free.estimate).all()
     assert row.ranges[0, 0] >= 20 and row.ranges[0, 1] <= 22 and 3 <= row.ranges[2, 0] <= row.nominal[2] <= row.ranges[2, 1] <= 6
-    assert any("the fit of w' lies outside the bounds of within" in said for said in found.findings)
-    assert "within the bounds of within, without a guarantee" in found.findings[-1]
+    assert any("the fit of w' lies outside the bounds of `within`" in said for said in found.findings)
+    assert "cut to the bounds of `within`, and are not guaranteed" in found.findings[-1]
 
 
 def test_an_unexcited_coefficient_has_no_interval_and_takes_that_of_within():

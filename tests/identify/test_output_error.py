@@ -204,7 +204,7 @@ def test_bounds_that_exclude_the_plant_lead_to_an_unstable_one_inside_them():
     """A simulation of the unstable plant over the whole recording would overflow."""
     found = identify(rig(0.1, 1e-3, 0), within={("w", "w"): (30.0, 40.0)})
     assert found.rows[1].nominal[1] == pytest.approx(30.0) and found.horizon is not None
-    assert any("the fit of w' lies outside the bounds of within" in said for said in found.findings)
+    assert any("the fit of w' lies outside the bounds of `within`" in said for said in found.findings)
     assert any("The ranges describe no plant" in said for said in found.findings)
 
 

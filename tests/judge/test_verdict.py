@@ -59,7 +59,10 @@ def beside(error) -> Deviation:
         ({"beside": beside(0.4), "kind": Class.OFF, "error": 0.1}, "off by 10 % in x_1 and by 40 % in x_2"),
         ({"beside": beside(0.04), "kind": Class.OFF, "error": 0.1}, "within 4 % in x_2, but off by 10 % in x_1"),
         ({"kind": Class.LOST, "lost_at": 3.25, "error": None}, "lost at t = 3.25 s"),
-        ({"of_the_solver": True}, "follows within 3 %, also at a finer step, but its oscillation is due to the solver"),
+        (
+            {"of_the_solver": True},
+            "follows within 3 %, the verdict is the same at a finer step, but the oscillation is due to the solver",
+        ),
         ({"settled": False}, "follows within 3 %, not settled by the solver"),
         (
             {

@@ -246,7 +246,7 @@ CLAMPS = {
 @pytest.mark.parametrize("name", CLAMPS)
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_bad_numbers_pass_as_in_numpy(name, lanes):
-    """For NaN and infinity, a clamp must not turn NaN into its bound, as C's fmin and fmax do. Bounds are numbers or
+    """A clamp must not turn NaN into its bound, as C's fmin and fmax do; infinities are tested as well. Bounds are numbers or
     parameters."""
     points = np.array([[np.nan, np.inf, -np.inf, 0.0, -0.5, 0.5, 7.0, -7.0]])
     parameters = np.array([[-1.0], [1.0]]).repeat(8, axis=1)

@@ -276,7 +276,7 @@ class TomlSize:
 
     @property
     def pairs(self) -> int:
-        """Count the steps of a parser: the parts of each key, and for each value the parts of its table."""
+        """The number of steps a parser takes: the parts of each key and, for each value, the parts of its table's name."""
         return self.squares + self.equals * self.longest
 
 

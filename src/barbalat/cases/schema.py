@@ -149,7 +149,7 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
 
 
 def _modification_of(name: str, kinds: tuple[type, ...]) -> type[Table]:
-    """The table under the name of a field of a law or scheme."""
+    """Return the model of the TOML table for a modification; ``name`` is the field of the law or scheme that it fills."""
     choice = {name: kinds}
     return _model(Recipe(Modification, modification_keys(choice), lambda given, _: modified(given, choice)[name]))
 

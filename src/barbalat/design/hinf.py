@@ -82,7 +82,8 @@ class MixedSensitivity:
 
 
 def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | None = None) -> MixedSensitivity:
-    """A controller K(s) on the error for the model, such that the loop tolerates the unmodelled delay [s] at its input.
+    """Design a controller K(s), acting on the error, for the model, such that the loop tolerates the unmodelled delay [s] at the
+    model's input.
 
     bandwidth  w_B of W_S [rad/s]; by default 0.9 times the largest bandwidth for which the norm is at most 1
 

@@ -59,7 +59,8 @@ def exported_c(problem: TrackingProblem, controller: Controller) -> ExportedList
     simulated = SampledList.of(problem, controller)
     T = simulated.sample_time
     contents = Contents.of(problem, controller, Simulation(t_end=VECTORS * T, dt=T), DOUBLE)
-    printed = Printed(contents, prefix="exported")  # its symbols are not visible
+    # A fixed prefix is safe: the symbols are not visible outside the library.
+    printed = Printed(contents, prefix="exported")
     texts = {"controller.h": header(printed), "controller.c": source(printed), "flown.c": _adapter(printed)}
     return ExportedList(
         simulated=simulated,

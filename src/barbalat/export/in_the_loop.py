@@ -95,7 +95,8 @@ class Exported:
         """Raises InputError as ``simulate_export`` does."""
         require_compiler()
         contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
-        return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # its symbols are not visible
+        # A fixed prefix is safe: the symbols are not visible outside the library.
+        return cls(Printed(contents, prefix="exported"), controller, simulation, windows)
 
     def fly(
         self, problem: TrackingProblem, *, watched: Watched | None = None, progress: Progress | None = None

@@ -364,7 +364,7 @@ static void test_standstill(void)
 
 
 def _standstill(printed: Printed) -> str:
-    """A lost sample that takes a number from the end of its range to beyond it is reported, and nothing changes. Such a sample
+    """C test: a lost sample that would push a number past the end of its range is reported, and nothing changes. Such a sample
     exists for most controllers."""
     contents, layout = printed.contents, printed.contents.layout
     poked = [part for part in layout.parts if part not in (layout.theta_hat, layout.started, *checked_values(contents))]

@@ -46,7 +46,8 @@ BEGUN = 6
 """Number of columns per round whose neighbours become candidates of the next round; at these columns a remaining fault changes a
 value."""
 WIDE = 7.0
-"""Decades by which the entries of some columns are scaled, for steps far outside the known set, where the projection rounds."""
+"""Decades by which the entries of some columns are scaled, for steps far outside the known set, where rounding in the
+projection matters."""
 HALVINGS = 64
 """Number of bisections between the two columns of a pair: more than a number has bits."""
 TOLERATED = ESTIMATE_TOLERANCE / 2

@@ -50,7 +50,7 @@ class Row:
 
     @property
     def outside(self) -> bool:
-        """Whether the fit lies outside the known set or the bounds of within, in an excited coefficient."""
+        """Whether the fit lies outside the known set or the bounds of ``within``, in an excited coefficient."""
         box = self.ranges if self.enclosure is not None else self.limits
         if self.estimate is None or self.interval is None or box is None:
             return False
@@ -183,7 +183,7 @@ class Identification:
                     f"give smaller bounds, samples at shorter intervals, more motion, or bound it with `within`"
                 )
             if row.outside:
-                outside = "the known set" if row.enclosure is not None else "the bounds of within"
+                outside = "the known set" if row.enclosure is not None else "the bounds of `within`"
                 said.append(f"the fit of {row.state}' lies outside {outside}: its nominal row is the best one inside")
             if row.enclosure is not None and not row.enclosure.exact:
                 said.append(
@@ -212,9 +212,10 @@ class Identification:
             if factor > 1:
                 said.append(f"the nominal row of {name}' explains the {where} only with error bounds {factor:.3g} times larger")
         if self.noise is None:
-            cut = "" if all(row.limits is None for row in self.rows) else " within the bounds of within"
+            cut = "" if all(row.limits is None for row in self.rows) else ", cut to the bounds of `within`,"
             said.append(
-                f"no noise bound is given: the ranges are {100 * CONFIDENCE:.0f} % confidence intervals{cut}, without a guarantee"
+                f"no noise bound is given: the ranges are {100 * CONFIDENCE:.0f} % confidence intervals{cut} "
+                "and are not guaranteed"
             )
         return said
 

@@ -163,7 +163,7 @@ class Verdict:
         """Return the verdict in words, such as "follows within 3 %, at its limits 12 % of the time"."""
         said = [self._said, *self._limits, *([self.suspect] if self.suspect else [])]
         if self.of_the_solver:
-            said.append("also at a finer step, but its oscillation is due to the solver")
+            said.append("the verdict is the same at a finer step, but the oscillation is due to the solver")
         if self.settled is False:
             said.append("not settled by the solver")
         return ", ".join(said)

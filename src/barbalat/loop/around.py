@@ -197,8 +197,8 @@ class Around:
         return None if problem.shell is None or T is None else cls.of(replace(problem, faults=()), T)  # type: ignore[type-var]
 
     def require_taken(self, measured: Array, commands: Array, problem: TrackingProblem) -> None:
-        """Raise InputError if a sample of a run without faults, with measurements (K, y) and ``commands`` (K, q), is not
-        accepted."""
+        """Raise InputError if the shell would reject a sample of a fault-free run, with measurements (K, y) and ``commands``
+        (K, q)."""
         names = problem.handed_names
         of_commands = self.command_low, self.command_high, self.command_rate
         for given, each, (low, high, rate) in (

@@ -160,7 +160,7 @@ def _designed(plant: FixedObserver, T: float | None) -> Mapping[str, Any]:
 
 
 def _with_measured(plant: FixedObserver, made: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the same observer with the measured values of the ``direct`` states in x_hat, and in sampled form also in z."""
+    """Return the same observer with x_hat (and z, in sampled form) holding the measured values of the ``direct`` states."""
     n, held = len(plant.A), len(made["F"])
     rows, y = np.argmax(plant.C[list(plant.direct)], axis=1), np.eye(plant.outputs)[list(plant.direct)]
     H = np.array(made.get("H", np.eye(n, held)))

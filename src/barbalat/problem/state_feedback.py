@@ -301,7 +301,8 @@ class Problem(TrackingProblem, Settings):
 
     @cached_property
     def k_0(self) -> Array | float:
-        """The command's gain, (m, q) with m inputs. It comes from the model, the baseline, or the state that should follow."""
+        """The command's gain, (m, q) with m inputs. It comes from the model, the baseline, or the state that is to
+        follow the command."""
         if self.plant.baseline is not None:
             return self.plant.baseline.feedforward
         return self.reference_model.gain(self.plant, (self.labels or UNLABELLED).of_states(self.plant.n))

@@ -82,8 +82,8 @@ def meanings(found: SweepResult) -> list[str]:
         "Lost: diverged, or a component exceeded its limit, by default 100 times its scale (normally the largest motion of the "
         "model). Limit cycle: the control oscillates permanently. Off: the error in the tail is outside its band, by default 5 "
         "% of the scale. The table [judge] sets limits and bands",
-        "Not settled: within the budget no step distinguishes the plant from the solver; the intervals allow either verdict "
-        "for these members",
+        "Not settled: no step within the budget shows whether the plant or the solver causes the verdict; the intervals allow "
+        "either verdict for these members",
         *(f"Not settled of {name}: {why}" for name, why in found.unsettled.items()),
         *lacking,
     ]

@@ -30,7 +30,7 @@ FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """The sensitivity of one metric of one controller to one number.
+    """The sensitivity of one metric of one controller to one varied number.
 
     first      fraction of the variance, with its interval ``low`` to ``high``; both ends equal the fraction if it is exact for
                the grid. Estimates below 0 or above 1 are clipped

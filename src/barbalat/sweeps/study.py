@@ -292,8 +292,8 @@ class Study:
 
     @cached_property
     def _needed_by_modes(self) -> list[float]:
-        """For each controller, the largest refinement needed by the middle member and at the ends of the varied plant numbers and
-        step."""
+        """For each controller, the largest refinement needed by the middle member or by any member at an end of the range of a
+        varied plant number or of the step."""
         rows = [self.tried.middle]
         for column, path in enumerate(self.plan.paths):
             if path.keys[0] in ("plant", "parameters", "simulation"):

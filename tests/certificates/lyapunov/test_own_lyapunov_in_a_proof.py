@@ -124,7 +124,7 @@ def test_two_inputs(regressor):
 
 
 def over_cells():
-    """V falls only for theta in the known set, which this law with phi(x_m) needs; the proof uses cells."""
+    """V is guaranteed to fall only for theta in the known set, so this law, with phi(x_m), needs one; the proof uses cells."""
     rng = np.random.default_rng(7)
     problem = a_problem(rng, size=0.3)
     known = ParameterBox(lower=[-0.02] * 2, upper=[0.02] * 2)

@@ -239,7 +239,7 @@ def test_excitation_beside_an_observer_is_that_of_the_estimate(baseline, sample_
 
 
 def test_a_share_of_the_time_is_at_most_100_percent():
-    """The weights of the intervals add up to more than 1 by rounding, which must not become 101 %."""
+    """Because of rounding, the weights of the intervals add up to more than 1; this must not be reported as 101 %."""
     random, box = np.random.default_rng(0), ParameterBox(lower=[-1.0], upper=[1.0])
     t = next(
         t

@@ -141,7 +141,8 @@ def test_half_the_step_moves_it_alike(hover):
 
 
 def test_the_attitude_s_error_decays_as_the_theory_says(hover):
-    """By Lee, Leok and McClamroch, with the controller's moments, e_R and e_Omega satisfy e'' + k_Omega e' + k_R e = 0 near zero.
+    """According to Lee, Leok and McClamroch, with the controller's moments, e_R and e_Omega satisfy e'' + k_Omega e' + k_R e = 0
+    near zero.
 
     From 5 deg the error equals the error of the linear loop up to terms of second order. From 170 deg Psi = tr(I - R_d'R)/2 never
     grows after a start with zero rates, in the sublevel set of the proof. Here the body moves by Euler's equations.

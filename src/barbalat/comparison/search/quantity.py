@@ -102,9 +102,8 @@ class TunedQuantity:
     def of_runs(self, metrics: Metrics) -> Array:
         """Return the quantity of M runs (M,).
 
-        Of several components the worst counts, and for ``rms_e`` the root of the sum of their squares. A run that diverged has
-            the
-        worst value.
+        If there are several components, the value is that of the worst one, or, for ``rms_e``, the root of the sum of their
+        squares. A run that diverged has the worst value.
         """
         columns = metrics.columns()
         if self.name in columns:

@@ -60,7 +60,7 @@ function scaleOf({ judge, states }, kept) {
   return found.map((one, i) => (one > 0 ? one : found.reduce((sum, other, j) => sum + judge.spread[i][j] * other, 0)));
 }
 
-// held: the values of the signals when everything is held. cyclesOf(band, held) is called only for suspected limit cycles.
+// held: the values at which the signals are held while a suspect is examined. cyclesOf(band, held) is called only for suspects.
 export function verdictOf(task, kept, diverged, recorded, held, cyclesOf) {
   const { judge, grid } = task;
   const scale = scaleOf(task, kept);

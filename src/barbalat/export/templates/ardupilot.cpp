@@ -68,8 +68,9 @@ ${apply}float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
     return _axis.get() <= 0 ? &rpy.x : _axis.get() == 1 ? &rpy.y : &rpy.z;
 }
 
-// Angle and rate in the case's units${units_said}. When a heading passes south, the angle and the command continue without a
-// jump, within the same revolution. If the angle is more than half a turn from the command, it jumps by one turn, because the other way is then shorter.
+// Angle and rate in the case's units${units_said}. When a heading passes through south, the angle and the command continue beyond
+// 180 degrees without a jump. If the angle is more than half a turn from the command, it jumps by one turn, because
+// the other way is then shorter.
 bool AC_CustomControl_${kind}::_measure(float *measured, float *r)
 {
     Quaternion body, target = _att_control->get_attitude_target_quat();

@@ -84,8 +84,8 @@ def _eigenvalues(entries: tuple[float, ...], precision: int) -> tuple[tuple[acb,
     bits = max(abs(top) * (denominator // bottom) for top, bottom in fractions).bit_length()
     if n > 2 and bits > _WIDEST_ENTRIES:
         raise ArithmeticError(
-            f"the eigenvalues of a matrix ({n}, {n}) need entries that together fit into {_WIDEST_ENTRIES} bits, got {bits}: "
-            f"their magnitudes are too far apart"
+            f"the eigenvalues of a {n} x {n} matrix are computed only if its entries together fit into {_WIDEST_ENTRIES} bits, "
+            f"got {bits}: their magnitudes are too far apart"
         )
     integers = fmpz_mat(n, n, [top * (denominator // bottom) for top, bottom in fractions])
     # The stub of python-flint 0.9 types the (root, multiplicity) pairs as single roots.

@@ -58,8 +58,8 @@ STATEMENTS = (
         "c-of-20",
         "after Section IV, which raises the question how to find a C of (20) for an unknown plant",
         "A single C satisfies (20) for every plant in a set with large parametric uncertainty, that of Section V",
-        "with x_1 of Section V's plant as the output y, L = 0.5 and m = 1, some C tried satisfies (20) for every plant on a "
-        "grid of theta over the known set. Three forms of C are tried, each with one bandwidth, from 1 to 1e4 rad/s",
+        "with x_1 of Section V's plant as the output y, L = 0.5 and m = 1, at least one of the C tried satisfies (20) for every "
+        "plant on a grid of theta over the known set. Three forms of C are tried, each with one bandwidth, from 1 to 1e4 rad/s",
         equation="(20)",
     ),
     _ours(

@@ -106,8 +106,8 @@ def steps_like(attempts: float) -> float:
 
 
 def steps_of(simulation: Simulation) -> float:
-    """The steps of a study's runs. With a tolerance, the number of fixed steps that take as long as the largest expected number
-    of attempts, which is at least one for every two steps of the resolution."""
+    """The number of steps of a study's runs. With a tolerance, the number of fixed steps that take as long as the largest
+    expected number of attempts, which is at least one for every two steps of the resolution."""
     return simulation.steps if simulation.tolerance is None else steps_like(simulation.t_end / (2 * simulation.resolution))
 
 

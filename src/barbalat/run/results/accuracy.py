@@ -1,4 +1,4 @@
-"""The error of a run from t = 0 on, measured by a variable-step run. A variable-step run is compared with a second one."""
+"""The error of a run from t = 0 on, measured against a variable-step run. A variable-step run is compared with a second one."""
 
 from __future__ import annotations
 

@@ -48,9 +48,9 @@ def mrac() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(bool(error.max() > 1 or (np.diff(state) >= 0).any()), f"the largest |e| is at most {error.max():.2f} "
-            f"of it, over {MEMBERS} runs, and falls from {state[0]:.2g} to {state[-1]:.2g}"),
-            sentence.reads(bool(control.max() > 1), f"the largest |u| is at most {control.max():.2f} of it, over {MEMBERS} "
-            f"runs", 1),
+            f"of the bound, over {MEMBERS} runs, and falls from {state[0]:.2g} to {state[-1]:.2g}"),
+            sentence.reads(bool(control.max() > 1), f"the largest |u| is at most {control.max():.2f} of the bound, over "
+            f"{MEMBERS} runs", 1),
             Reading(
                 "no bound like (9) holds for u - u*, where u* = -theta'x_m + k_0 r is the input for known theta. |u - u*| "
                 "sqrt(Gamma) grows with each decade of the gain from 1e2 to 1e4",

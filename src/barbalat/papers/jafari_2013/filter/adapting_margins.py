@@ -37,8 +37,8 @@ the value of Figure 3."""
 MODERATE_KAPPA = 0.1
 """The gain margin is claimed to fall with filters up to this kappa [s], twice the largest that Theorem 1's condition admits."""
 METHOD = (
-    "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends only on "
-    "Gamma r^2"
+    "exact margins of the loops linearised together with the adaptive law, for Section V's plant at constant r; the loop "
+    "depends only on Gamma r^2"
 )
 
 

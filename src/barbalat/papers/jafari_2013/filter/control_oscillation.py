@@ -109,8 +109,8 @@ def claim(*, full: bool = False) -> Claim:
         f"{shown.filtered.peak:.0f}.",
         measured=f"at Figure 3's gain and step the filter changes the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s "
             f"from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, by a factor of {shown.frequency:.2f}. It falls "
-            f"by more than a tenth in {len(falls)} of {count} settings. The RMS value of the oscillations there is "
-            f"{shown.without.rms:.3g} without the filter and {shown.filtered.rms:.3g} with it",
+            f"by more than a tenth in {len(falls)} of {count} settings. At Figure 3's settings the RMS value of the "
+            f"oscillations is {shown.without.rms:.3g} without the filter and {shown.filtered.rms:.3g} with it",
         how=f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, "
             f"Welch's method; h and Gamma as listed. A difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
         listings=_listings(numerical, resolved),

@@ -117,9 +117,9 @@ def claim(*, full: bool = False) -> Claim:
         "cycle, or its oscillation grows without bound. Loss: lost, or the error in the tail grew by the "
         "largest |x_m|. "
         f"Equal gain: Gamma = 0.01, 1, 100. Own gain: 10 and 100. Equal error: MRAC's Gamma gives the RMS error that L1-AC has "
-        f"at 100. L1-AC's filter is (6), or (2 kappa s + 1)/(kappa s + 1)^2 with kappa = {section_v.two_slopes_kappa():.3g} s, "
-        f"which has the same delay margin in the limit. {equal_error.RULE}; {count} tunings of each side, h = "
-        f"{SIDES_SIMULATION.dt:g} s",
+        f"at Gamma = 100. L1-AC's filter is (6), or (2 kappa s + 1)/(kappa s + 1)^2 with kappa = "
+        f"{section_v.two_slopes_kappa():.3g} s, which has the same delay margin in the limit. {equal_error.RULE}; {count} "
+        f"tunings of each side, h = {SIDES_SIMULATION.dt:g} s",
         maps=effect.maps,
         listings=(_listing(found), equal_error.listing(sides)),
         sharpened=f"{equal_error.MORE} tunings of each side at equal error instead of {equal_error.BUDGET}",

@@ -311,7 +311,7 @@ def claim(l1: Array, pi: Array) -> Claim:
         sentence=sentence,
         readings=readings,
         shows=f"With filters chosen for equal delay margins and Gamma = {GAMMA:g}, L1-AC's tail error at size 1 is "
-        f"{at_one(l1 / pi):.2g} times the PI's with (6) and {at_one(second / pi):.2g} times with two slopes.",
+        f"{at_one(l1 / pi):.2g} times the PI's if C is (6) and {at_one(second / pi):.2g} times if 1 - C has two slopes.",
         measured=        "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast "
         f"adaptation L1-AC is a linear loop with S = 1 - C. It rejects disturbances with one slope if C is (6). If C'(0) = 0 it "
         f"does so with two slopes, as many as the PI; the left side of Theorem 1's condition is then {condition:.2f}",

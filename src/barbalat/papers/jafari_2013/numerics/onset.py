@@ -75,7 +75,7 @@ def _predicted_gain(smooth: Result, h: Array) -> Array:
 
 
 def _onset(make: Callable[[float], Controller], expected: Array) -> Array:
-    """Return for each of STEPS the smallest gain with oscillating estimates, within a decade of the expected one."""
+    """Return, for each of STEPS, the smallest gain at which the estimates oscillate, within a decade of the expected one."""
     found = []
     for h, gain in zip(STEPS, expected, strict=True):
         gains = gain * np.geomspace(0.1, 10, 61)

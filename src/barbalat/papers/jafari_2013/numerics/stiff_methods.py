@@ -3,7 +3,8 @@
 The projection makes the right-hand side jump. An implicit step is made without the projection, and the estimate is then replaced
 by the nearest point of the known set. This is Lie splitting of first order, as in the catching-up method for sweeping processes.
 The variable-step codes get the limited right-hand side itself, as every stage of our own solvers does. They locate the jumps by
-their step control, with limited success. Their Jacobian is that of the side on which the state is.
+their step control, with limited success. Their Jacobian is evaluated on the side of the jump on which the
+state lies.
 """
 
 from __future__ import annotations
