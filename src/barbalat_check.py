@@ -1748,8 +1748,7 @@ class OwnV:
         others = [law.rates[name] for name in (*law.e, *law.x, *self.s) if name not in of]
         require(not any(law.used(one) & set(n) for one in (*others, *law.u)), "a normal may act on projected estimates only")
         couples = any(K != 0 for i, row in enumerate(gain.tolist()) for j, K in enumerate(row) if i != j)
-        exact = known.faces <= 4 and not known.faces == 2 < p  # the limit cuts a corner of two faces
-        require(not couples or exact, "with a gain matrix the projection may make V grow in corners")
+        require(not couples or known.faces <= 4, "with a gain matrix the projection may make V grow in corners")
         return isinstance(known, Box) and not couples
 
     def _require_motion(self) -> None:

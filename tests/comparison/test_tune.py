@@ -470,7 +470,7 @@ def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
         and f"{tuned.delay_margin_measured:.3g} s" in sentence
     )
     assert not any(
-        "delay_margin_measured simulates" in note
+        "delay_margin_measured is found by simulating" in note
         for note in tune(str(case), "rms_e", controller="MRAC", plants=1, trials=288).notes
     )
 

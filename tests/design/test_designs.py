@@ -203,7 +203,7 @@ def test_hinf_tolerates_more_than_pi_for_the_same_delay(section_v):
 def test_every_key_of_a_linear_controller_goes_with_a_design(design):
     """Case files pass a design all keys of the scheme except the controller that it computes. Here each key has a value."""
     if design == "hinf":
-        pytest.importorskip("slycot", reason="needs the extra robust")
+        pytest.importorskip("slycot", reason="requires barbalat[robust]")
     case = """
         name = "c"
         plant = { A_m = [[-1.0]], b = [1.0], theta = [0.5], input = { saturation = [-5, 5] } }

@@ -94,7 +94,7 @@ def test_the_guide_says_what_a_shell_costs() -> None:
     guide = (flight.PAGE.parent / "flight.md").read_text(encoding="utf-8")
     more = {name: row[3] - row[2] for name, row in _shown().items()}
     network = more.pop("MRAC, network of 8 neurons, Euler")
-    assert f"costs {min(more.values())} to {max(more.values())} cycles, and {network} with the network" in guide
+    assert f"costs {min(more.values())} to {max(more.values())} cycles ({network} with the network)" in guide
 
 
 TIMED = """\

@@ -51,4 +51,4 @@ def test_the_root_of_the_sum_of_squares_is_the_stationary_deviation():
 def test_a_loop_that_hardly_forgets_has_no_bound_rather_than_a_wrong_one():
     """The solution of its Lyapunov equation has no correct digit. SciPy warns, and the useless P is rejected in one sentence."""
     M = np.array([[1 - 1e-15, 1e3], [0.0, 1 - 1e-14]])
-    assert "too close to losing stability" in refusal(lambda: SampledNorms(M, np.eye(2)).summed(np.ones(2)))
+    assert "too close to instability" in refusal(lambda: SampledNorms(M, np.eye(2)).summed(np.ones(2)))

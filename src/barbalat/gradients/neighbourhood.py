@@ -143,7 +143,7 @@ def _not_given(path: FieldPath, known: Mapping[FieldPath, float]) -> InputError:
         listed = ", ".join(within[:MOST_NAMED]) + (", ..." if len(within) > MOST_NAMED else "")
         return InputError(f"{path} is not a single number; name one of {listed}")
     if near := validate.hint(str(path), map(str, known)):
-        return InputError(f"the case gives no number {path}{near}")
+        return InputError(f"the case does not give {path}{near}")
     tables = dict.fromkeys(str(FieldPath(one.keys[: 1 + isinstance(one.keys[1], int)])) for one in known if len(one.keys) > 1)
     if path.keys[0] in {one.keys[0] for one in known}:
         return InputError(f"the case does not give {path}: write it into the case first")

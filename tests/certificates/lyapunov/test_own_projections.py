@@ -178,11 +178,11 @@ def test_a_proper_projection_is_accepted_and_its_run_keeps_the_bound(what):
     barbalat_check.check(document_of(problem, law))
 
 
-def test_two_bounded_parameters_of_three_with_a_gain_matrix_are_refused():
-    """In their corner the limit may increase V, because the third estimate may be anywhere."""
-    problem = a_problem(np.random.default_rng(3), 3)
-    known = ParameterBox(lower=[-1.0, -1.0, -1e200], upper=[1.0, 1.0, 1e200])
-    law = Projecting(rate=lambda k, g, t, c: k.project(g, t, Gain(np.eye(3) + 0.5)))
+def test_five_bounded_parameters_with_a_gain_matrix_are_refused():
+    """The projection is exact for up to four bounded parameters."""
+    problem = a_problem(np.random.default_rng(3), 5)
+    known = ParameterBox(lower=-np.ones(5), upper=np.ones(5))
+    law = Projecting(rate=lambda k, g, t, c: k.project(g, t, Gain(np.eye(5) + 0.5)))
     found = certificate(replace(problem, uncertainty=known), law)
     assert "cuts the corners of the set" in found.entry("error_bound").why
 

@@ -144,7 +144,7 @@ def test_no_number_of_the_continuous_loop_stands_for_the_sampled_one(form):
     assert short.values["delay_margin_adapting"] == pytest.approx(continuous, rel=1e-2)
     assert abs(long.values["delay_margin_adapting"] - continuous) > 0.02 * continuous
     for entry in long.entries:
-        assert entry.kind != "exact" or "sample to sample" in entry.of
+        assert entry.kind != "exact" or "sampled-data" in entry.of
         assert "continuous" not in entry.meaning
 
 

@@ -111,6 +111,27 @@ def test_ill_conditioned_gains_in_corners(n):
         assert (np.linalg.solve(gain, projected - rate) * scale).max() <= 1e-6 * np.abs(rate / scale).max()
 
 
+@pytest.mark.parametrize("intervals", [False, True])
+@pytest.mark.parametrize("n", [3, 4, 5])
+def test_two_faces_among_more_parameters(n, intervals):
+    """The last or first two of n parameters have bounds. V does not grow for any value of the others, and nothing is left to the
+    limit, which would make V grow by an amount proportional to the error of the unbounded ones."""
+    random = np.random.default_rng(n)
+    far = np.full(n - 2, 1e200)
+    two = ParameterBox(lower=[-1.0, -1.0], upper=[1.0, 1.0])
+    whole = ParameterBox(lower=np.concatenate([[-1.0, -1.0], -far]), upper=np.concatenate([[1.0, 1.0], far]))
+    chosen = ParameterProduct(None, two) if intervals else whole
+    bounded = slice(n - 2, n) if intervals else slice(0, 2)
+    for _ in range(300):
+        theta_hat, theta = random.normal(size=n) * 5, random.normal(size=n) * 5
+        theta_hat[bounded], theta[bounded] = random.choice([-1.0, 1.0], 2), random.uniform(-1, 1, 2)
+        root, rate = random.normal(size=(n, n)), random.normal(size=n) * 10
+        gain = root @ root.T + 0.1 * np.eye(n)
+        projected = project(rate, theta_hat, chosen, Gain(gain))
+        assert np.abs(outward(projected[bounded], theta_hat[bounded], two)).max() <= ALWAYS
+        assert (theta_hat - theta) @ np.linalg.solve(gain, projected - rate) <= ALWAYS
+
+
 @pytest.mark.parametrize("ball", [None, ParameterBall(center=[0.5, -0.5], radius=1.0)])
 @pytest.mark.parametrize("kind", ["number", "diagonal", "matrix"])
 def test_input_gains_beside_theta(ball, kind):

@@ -61,7 +61,7 @@ class ReadSet:
     def project(self, rate: Any, theta_hat: Any, gain: Gain = UNIT_GAIN) -> Any:
         """Rate - K n, n in the set's normal cone."""
         of = self._field(theta_hat, "project")
-        if gain.couples and self._cuts_corners(len(of)):
+        if gain.couples and self._set.cuts_corners:
             raise NotRational("with a gain matrix its projection cuts the corners of the set")
         places = self._ring.free(len(of), "n")
         alone = not gain.couples and getattr(self._set, "fills_its_extent", False)
@@ -69,10 +69,6 @@ class ReadSet:
         found = Normals(of, tuple(places), rates, self._matrix(gain, len(of)), alone)
         self.normals.append(found)
         return np.array(found.returned(self._ring), dtype=object)
-
-    def _cuts_corners(self, size: int) -> bool:
-        """In a corner of two faces, the limit may increase V if there are further parameters, which have no faces."""
-        return self._set.cuts_corners or len(getattr(self._set, "faces", ())) == 2 < size
 
     def limit(self, theta_hat: Any) -> Any:
         """Limit numbers as the set does; variables stay unchanged, because a projected law keeps them inside."""

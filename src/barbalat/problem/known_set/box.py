@@ -158,7 +158,10 @@ class ParameterBox(Settings):
     @property
     def steps_cut_corners(self) -> bool:
         """Whether ``nearest``, at the end of a step over a sample, may cut off more than the proof of V' <= 0 allows."""
-        return len(self.faces) > cone.EXACT_FACES_OF_STEPS  # projections onto two faces in turn are exact
+        exact = (
+            cone.EXACT_FACES_OF_STEPS if self.size == cone.EXACT_FACES_OF_STEPS else 1
+        )  # of two faces only if nothing else moves
+        return len(self.faces) > exact
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
         """Project the rate. A component on a face does not move outward, and with a gain matrix this changes the others too."""

@@ -33,7 +33,7 @@ def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
     ``EXACT_FACES`` faces, all sets of faces with lambda > 0 are tried. For more faces, ``CONE_PASSES`` Gauss-Seidel passes
     approximate lambda >= 0, and the limit cuts off any remaining outward rate. A decrease of V is then not claimed.
     """
-    if len(box.faces) <= 2:
+    if len(box.faces) <= 1 or len(box.faces) == 2 == rate.shape[0]:
         return _face_by_face(rate, theta_hat, box, gain, first)
     side, fixed = [], []
     for i in box.faces:
@@ -54,10 +54,12 @@ def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 
 
 def _face_by_face(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value, first: int) -> Value:
-    """Return the projection for one or two faces, rate - Gamma g max(0, g'rate)/(g'Gamma g) on each in turn.
+    """Return the projection for one face, or for two faces of two parameters, rate - Gamma g max(0, g'rate)/(g'Gamma g) on each
+    in turn.
 
     With one face no outward rate remains. In a corner of two faces the limit cuts off the remaining outward rate of the first,
-    r > 0, without an increase of V. It remains only if Gamma_12 < 0 between the outward sides, and then Gamma^-1 (r, 0) >= 0.
+    r > 0, without an increase of V. It remains only if Gamma_12 < 0 between the outward sides, and then Gamma^-1 (r, 0) >= 0. If
+    there are further parameters, Gamma^-1 (r, 0) has components for them, which may have either sign.
     """
     for component in box.faces:
         i = first + component
