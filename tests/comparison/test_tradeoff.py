@@ -191,7 +191,7 @@ def test_the_baseline_alone_takes_part_beside_a_baseline_whose_parameters_are_th
     chosen, left_out = default_knobs(case.problem, case.simulation, density=2)
     assert "Baseline" in {one.scheme for one in chosen}
     assert "Baseline" not in {one.scheme for one in default_knobs(SMALL, BRIEF, density=2)[0]}
-    assert grids.start_of(case.problem) is None and not any("in its middle" in sentence for sentence in left_out)
+    assert grids.start_of(case.problem) is None and not any("at its centre" in sentence for sentence in left_out)
     theta_0 = case.problem.known.theta_0
     for one in chosen:
         if one.scheme in ("MRAC", "L1-AC"):

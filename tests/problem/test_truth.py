@@ -86,7 +86,7 @@ def test_a_truth_with_a_further_state(states, S):
     expected = by_scipy(problem, [0.0, 0.1, 0.3], lambda t, x, u: A @ x + B * u, lambda x: S @ x)
     np.testing.assert_allclose(final_error(problem), expected, atol=1e-7)
     assert simulate(problem, [LAW], SIMULATION)["MRAC"].x.shape[1] == 2
-    assert "3 states, and the plant has 2" in departures(problem)[0].sentence
+    assert "3 states, but the plant has 2" in departures(problem)[0].sentence
 
 
 def test_parameters_of_the_truth_move_the_simulated_plant_and_no_controller():
