@@ -73,7 +73,7 @@ def test_refusals(monkeypatch) -> None:
     monkeypatch.setattr(module, "MOST_STEPS", 50_000)
     said = refusal(lambda: fixed_steps(PAPER.problem, [SLOW], simulation))
     assert "even with 5e+04 fixed steps" in said
-    assert said.endswith("give simulation.dt")
+    assert said.endswith("Give simulation.dt")
 
 
 @pytest.mark.full
