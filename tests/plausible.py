@@ -219,7 +219,8 @@ class Draw:
         """At least one requirement. A gain is a factor above 1."""
         demands = {
             "settling": self.steps * self.dt * self.rng.uniform(0.1, 0.5), "overshoot": self.rng.uniform(0.02, 0.3),
-            "u_max": self.number("amplitude"), "delay": self.dt * self.rng.randint(1, 10), "gain": self.rng.uniform(1.1, 2),
+            "u_max": self.number("amplitude"), "error": self.number("amplitude"),
+            "delay": self.dt * self.rng.randint(1, 10), "gain": self.rng.uniform(1.1, 2),
         }  # fmt: skip
         return {key: demands[key] for key in self.rng.sample(sorted(demands), self.rng.randint(1, 3))}
 

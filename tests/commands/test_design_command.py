@@ -236,6 +236,24 @@ def test_settling_is_judged_on_the_steps_that_the_command_makes():
     assert "from 0 to 1" in test.sentence and "from 1 to -1" in test.sentence and "the worse counts" in test.sentence
 
 
+def test_the_error_is_that_of_the_judged_state_under_the_command_of_the_case():
+    """With the true theta e' = -4 e + 2 d, so that d = 9 from t = 1 on leads to e = 4.5 (1 - exp(-4 (t - 1)))."""
+    disturbed = "[plant.disturbance]\nkind = 'step'\namplitude = 9.0\nstart = 1.0\n[uncertainty]"
+    case = parse_case(CASE.replace("SPECIFICATION", "error = 4.0").replace("[uncertainty]", disturbed))
+    test = StepTest.of(case.problem, case.simulation, case.judge, case.specification)
+    found, _ = measured([case.problem], KnownParameters(theta=case.problem.plant.theta), test, case.judge)
+    assert found["error"] == pytest.approx([4.5 * (1 - np.exp(-4 * 2.0))], rel=1e-6)
+
+
+@pytest.mark.full
+def test_a_tuning_respects_the_required_error_and_the_reasons_state_it(tmp_path, capsys):
+    assert main([*designed(tmp_path, "error = 0.35"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    for one in told["candidates"].values():
+        assert one["meets"] == (one["worst"]["error"] <= 0.35 and not any(s["count"] for s in one["held_out"].values()))
+    assert "under the command of the case" in told["reasons"][0] and told["specification"] == {"error": 0.35}
+
+
 @pytest.mark.parametrize(
     ("command", "levels"),
     [

@@ -17,6 +17,7 @@ class Specification(Settings):
                of the command, from rest, and its largest step
     overshoot  overshoot beyond the model's steady state, as a fraction of the step, for the worse of these two steps
     u_max      largest demanded |u|, before the limits
+    error      largest |e| of the judged state under the command of the case, in the unit of this state
     delay      additional delay at the plant's input that the loop tolerates without oscillation [s]
     gain       the loop tolerates factors from 1/gain to gain on the input's effectiveness
     noise      largest RMS, over these two steps, of the effect of measurement noise on u, as a fraction of the largest |u|
@@ -26,6 +27,7 @@ class Specification(Settings):
     settling: float | None = None
     overshoot: float | None = None
     u_max: float | None = None
+    error: float | None = None
     delay: float | None = None
     gain: float | None = None
     noise: float | None = None

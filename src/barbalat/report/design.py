@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from barbalat.comparison.design.design import LOST, Candidate, Design
 from barbalat.pictures.symbols import number_text
+from barbalat.problem.labels import Labels, bracketed
 from barbalat.report.omissions import grouped_omissions
 from barbalat.report.terminal.layout import Screen
 
@@ -37,11 +38,13 @@ def _row(found: Design, one: Candidate, name: str) -> list[str]:
     unseen = "not tried" if share is None else f"{share.count} of {share.judged}"
     if name == LOST:
         return [one.name, "never lost or in a limit cycle under the command of the case", "", "", "", unseen]
-    asked, labels = number_text(float(getattr(found.specification, name))), found.case.problem.labels
-    units = {"settling": ("s",), "delay": ("s",), "u_max": () if labels is None else labels.input_units}.get(name)
+    asked, labels = number_text(float(getattr(found.specification, name))), found.case.problem.labels or Labels()
+    units = {
+        "settling": ("s",), "delay": ("s",), "u_max": labels.input_units, "error": labels.units[found.test.component :],
+    }.get(name, ())  # fmt: skip
     return [
         one.name,
-        f"{name} [{units[0]}]" if units else name,
+        f"{name} {bracketed(units)}".rstrip(),
         asked,
         f"{one.worst[name]:.4g}",
         f"{one.factor[name]:.2g}",

@@ -48,6 +48,7 @@ ROUNDS = 2
 smaller error on the tuning plants meets everything."""
 ASKED_IN_WORDS = {
     "settling": "settles in {:.3g} s", "overshoot": "overshoots by {:.3g} % of the step", "u_max": "demands |u| up to {:.4g}",
+    "error": "has |e| up to {:.4g} under the command of the case",
     "noise": "has noise in u of {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
     "gain": "tolerates the gain multiplied and divided by {:.3g}",
 }  # fmt: skip
@@ -338,10 +339,9 @@ def design(
     """Compare every scheme and the fixed loop under a specification, and recommend one controller or none.
 
     Each is tuned for the smallest RMS error on the worst of some plants, which are the case's own and extremes of its ranges.
-        Only
-    tunings that tolerate the specified delay and gain factors and demand no more than ``u_max`` are admitted. Then everything in
-    the specification is measured on these plants and on validation plants, which are further extremes and random ones. A
-    controller meets the specification if it does so on all of them.
+    Only tunings that tolerate the specified delay and gain factors and respect ``u_max`` and ``error`` are admitted. Then
+    everything in the specification is measured on these plants and on validation plants, which are further extremes and random
+    ones. A controller meets the specification if it does so on all of them.
 
     specification  by default the case's ``[specification]``
     sample_time    sample time of all controllers [s]; by default the sample time of the case's first sampled controller, or else
@@ -372,11 +372,12 @@ def design(
     rule = Rule(
         delay_margin=asked.delay or 2 * simulation.dt, gain_margin=asked.gain or LEAST_GAIN, plants=plants, trials=trials,
         seed=seed,
-        also=() if asked.u_max is None else (f"max_abs_u <= {asked.u_max!r}",),
     )  # fmt: skip
     rule.require_steps(simulation, "specification.delay" if asked.delay else "simulation.dt: the delay that is always required")
     noisy = with_noise(problem, noise, simulation, held, seed)
     test = StepTest.of(noisy, simulation, whole.judge, asked)
+    limits = {"max_abs_u": asked.u_max, f"max_abs_e[{test.component}]": asked.error}
+    rule = replace(rule, also=tuple(f"{metric} <= {limit!r}" for metric, limit in limits.items() if limit is not None))
     entrants, left_out = entrants_of(noisy, simulation, schemes=schemes, own=own, sample_time=held, ours=ours)
     entrants += [Entrant.as_set(one) for one in as_set]
     if baseline and not any(one.name == BaselineAlone().name for one in entrants):

@@ -23,7 +23,7 @@ INSTANTS = 4096
 """Number of instants at which the size of the command is evaluated, and of the record of each step response."""
 SETTLINGS, DECAYS = 4.0, 8.0
 """Duration of a simulated step, as multiples of the required settling time and of the model's slowest time constant."""
-FIGURES = ("settling", "overshoot", "u_max", "noise")
+FIGURES = ("settling", "overshoot", "u_max", "noise", "error")
 OF_A_STEP = FIGURES[:2]
 """The metrics of single steps, of which the worst counts."""
 
@@ -194,19 +194,20 @@ def measured(
 ) -> tuple[dict[str, Array], dict[str, list[str]]]:
     """Return the metrics on each plant (K,), by name, and the worst step for metrics of single steps.
 
-    ``u_max`` also covers the command of the case. Metrics are infinite if a run diverged.
+    ``u_max`` also covers the command of the case, and ``error`` covers this command only. Metrics are infinite if a run diverged.
     """
     found: dict[str, list[float]] = {name: [] for name in FIGURES}
     steps: dict[str, list[str]] = {name: [] for name in OF_A_STEP}
     for problem in problems:
         (own,) = simulate(problem, [controller], test.own, judge=judge).values()
         values, worst = _on_one(test.at(problem), controller, test, judge)
+        diverged = np.isfinite(own.metrics.diverged_at[0])
+        values["error"] = float(own.metrics.max_abs_e[0, test.component])
+        values["u_max"] = max(values["u_max"], float(own.metrics.max_abs_u.max()))
         for name in FIGURES:
-            found[name].append(values[name])
+            found[name].append(np.inf if diverged and name in ("u_max", "error") else values[name])
         for name in OF_A_STEP:
             steps[name].append(worst[name])
-        diverged = np.isfinite(own.metrics.diverged_at[0])
-        found["u_max"][-1] = np.inf if diverged else max(found["u_max"][-1], float(own.metrics.max_abs_u.max()))
     return {name: np.array(values) for name, values in found.items()}, steps
 
 

@@ -64,8 +64,8 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
     return Claim(
         sentence=SENTENCES["stiff-solvers"],
         readings=(*_literal(tried), *_automatic(tried), *_supplementary(tried), _giving_up(tried), *more),
-        shows=f"At h = {STEPS[1]:g} s the implicit midpoint rule rings at most {_worst(tried, 2):.2f} times as much as the "
-            f"exact solution for Gamma up to {GAINS[-1].gamma:g} (RK4 in Figure 3: {rk4:.2g} times). No singularity occurs.",
+        shows=f"At h = {STEPS[1]:g} s implicit midpoint rings at most {_worst(tried, 2):.2f} times as much as the exact solution "
+        f"for Gamma up to {GAINS[-1].gamma:g} (RK4 in Figure 3: {rk4:.2g} times). No singularity occurs.",
         measured="the ringing of the estimates divided by that of the converged solution, smallest and largest in any second, "
         "without / with projection: "
         + "; "
