@@ -121,8 +121,8 @@ def judged(whole: Mapping[str, Losses], tail: Mapping[str, Losses]) -> Claim:
             _in_the_tail(tail),
             _no_merit(whole),
         ),
-        shows=f"In {draws} draws |e| becomes up to {short(max(factors[0].values()))} times as large if a tenth of the samples "
-            f"is lost one by one, and up to {short(max(factors[1].values()))} times if it is lost in bursts; {said}.",
+        shows=f"In {draws} draws |e| grows by factors of up to {short(max(factors[0].values()))} if a tenth of the samples is "
+        f"lost one by one and up to {short(max(factors[1].values()))} in bursts; {said}.",
         measured=f"the largest |e| becomes at most {one_by_one} as large if samples are lost one by one and at most {in_bursts} "
         f"as large if they are lost in bursts of {BURST_SAMPLES} samples; {said}. Each factor is relative to the same scheme's "
         "error without losses",
