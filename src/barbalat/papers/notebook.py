@@ -54,12 +54,12 @@ def notebook(name: str) -> str:
 def _introduction(paper: Paper, part: Measurement, name: str, sentence: Sentence | None) -> str:
     quote = f"> {sentence.quote}\n\n" if sentence is not None and sentence.quote else ""
     return (
-        f"# {name}: {part.names[name]}\n\n{quote}This is a claim from the ledger of *{paper.title}*; it takes some "
+        f"# {name}: {part.names[name]}\n\n{quote}This is a claim from the ledger of *{paper.title}*; it takes about "
         f"{part.seconds:g} s. "
         f"The cell with ROWS at its end is {part.code.split(':')[0]}, the file that measures it: change its plants, gains or "
         f"steps and run all cells. "
-        "The finding follows from the readings by the rules of the ledger; with other numbers it is your finding and no longer "
-        "that of the ledger."
+        "The finding follows from the readings by the rules of the ledger. If you change a number, the finding is yours and no "
+        "longer that of the ledger."
     )
 
 

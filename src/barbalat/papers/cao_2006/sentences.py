@@ -37,14 +37,14 @@ COVERAGE = (
         "the peak gain from the disturbance to the control in the MRAC loop is more than a tenth larger at the highest gain tried than at the lowest",
         "the phase margin of the MRAC loop is more than a tenth smaller there than at the lowest gain",
         changed=(
-            Change(date="2026-11-27", before="holds", after="holds", what="the sentence is quoted in full, and the control effort is measured too; the quotation had three words"),
+            Change(date="2026-11-27", before="holds", after="holds", what="the sentence is quoted in full, and the control effort is measured too; the quotation had consisted of three words"),
         ),
     ),
     _row(
         "high-gain-delay",
         "a high adaptive gain, implying fast adaptation, often leads to undesirable high-frequency oscillations in the control signal and sensitivity to time-delays",
-        "A high adaptive gain makes the MRAC loop fast, badly damped and sensitive to delays",
-        "at the highest gain the MRAC loop has a mode with less than a hundredth of critical damping, and a higher frequency than at the lowest gain",
+        "A high adaptive gain makes the MRAC loop fast, poorly damped and sensitive to delays",
+        "at the highest gain the MRAC loop has a mode with a damping ratio below a hundredth, and a higher frequency than at the lowest gain",
         "its delay margin is more than a tenth smaller there than at the lowest gain",
         changed=(
             Change(date="2026-11-26", before="holds", after="holds", what="a high gain is compared with the lowest; the literal reading had required a fall with every increase"),
@@ -67,7 +67,7 @@ COVERAGE = (
         "with each of three filters the phase margin changes by less than a tenth over ten decades of gain",
         changed=(
             Change(date="2026-11-26", before="holds if", after="fails", what="the condition restricted the gain, although the sentence says that the phase margin does not depend on it; that reading is supplementary now"),
-            Change(date="2026-11-27", before="fails", after="fails", what="the headline says that the loop is ours, and from which gain on the phase margin no longer depends on it"),
+            Change(date="2026-11-27", before="fails", after="fails", what="the headline says that the loop is ours, and above which gain the phase margin no longer depends on the gain"),
         ),
     ),
     _row(
@@ -76,7 +76,7 @@ COVERAGE = (
         "Under a constant disturbance, L1-AC's delay margin stays away from zero as the gain grows",
         "with each of three filters the delay margin changes by less than a tenth over the last decade of gain and stays above zero",
     ),
-    _none("the time-delay margin cannot be related to the phase margin straightforwardly and therefore constitutes a broader concept for measuring system robustness", "not testable here: a conclusion from phase-independent and delay-bounded"),
+    _none("the time-delay margin cannot be related to the phase margin straightforwardly and therefore constitutes a broader concept for measuring system robustness", "not testable here: a conclusion from the rows phase-independent and delay-bounded"),
     _row(
         "high-gain-inside",
         "high gain can improve robustness if it is internal to the controller computation block",

@@ -28,16 +28,16 @@ COVERAGE = (
     _row(
         "mrac-transient",
         "offers no means for characterizing the system's input/output performance during the transient phase",
-        "No bound that is known beforehand limits the transients of the conventional MRAC's state and input",
-        "the bound (9) on the state, nu_0/sqrt(Gamma) for e(0) = 0, does not characterise it: some drawn run exceeds the bound, "
+        "The transients of the conventional MRAC's state and input have no bound that is known beforehand",
+        "the bound (9) on the state, nu_0/sqrt(Gamma) for e(0) = 0, does not characterise it: some random run exceeds the bound, "
         "or the largest |e| does not fall with each decade of the gain from 1e2 to 1e4",
         "the bound |theta_hat|_1 (sup |x_m| + nu_0/sqrt(Gamma)) + k_0 sup |r| on the input, which follows from (9) and the "
-        "projection, does not characterise it: at least one of the drawn runs exceeds it",
+        "projection, does not characterise it: at least one of the random runs exceeds the bound",
         equation="(3), (4), (9) of jafari_2013",
         changed=(
-            Change(date="2026-11-26", before="fails", after="mixed", what="the row had required a bound on either; it now "
-                "requires one means for the state and one for the input. For the input it required a distance from the ideal "
-                "input that falls with the gain"),
+            Change(date="2026-11-26", before="fails", after="mixed", what="a bound on the state or on the input had been "
+                "sufficient for this row; it now requires one means for each. For the input it required a distance from the "
+                "ideal input that falls with the gain"),
             Change(date="2026-11-27", before="mixed", after="fails", what="a bound on |u| that is known beforehand is a means of characterising it; the distance from the ideal input is supplementary"),
         ),
     ),
@@ -54,7 +54,7 @@ COVERAGE = (
         "the same holds for the largest |u - u_ref|",
         equation="(5) to (8) of jafari_2013",
         changed=(
-            Change(date="2026-11-27", before="holds", after="holds", what="the quotation now says what is tracked, input and output; the row had tested only the state"),
+            Change(date="2026-11-27", before="holds", after="holds", what="the quotation now says that input and output are tracked; the row had tested only the state"),
         ),
     ),
     _row(

@@ -29,7 +29,7 @@ PAPER = Paper(
     "finding on\neach of the paper's sentences that can be tested here.",
     on_stored="The numbers of two rows, <code>adaptive-in-flight</code> and <code>l1-mrac-in-flight</code>, are stored, because their "
     "flights need a flight simulator; the rows state their origin.",
-    on_claims="This run does not compare automatically tuned schemes on Section V, which takes minutes: "
+    on_claims="This run does not compare automatically tuned schemes on Section V, because that takes minutes; "
     "<code>barbalat contest paper</code> tunes all schemes by\none rule and measures them on validation plants, commands and noise.",
     on_table_1="The paper's Table 1 compares the standard MRAC with L1-AC. This report derives it by analysis for all of the paper's "
     "schemes, with the\nconstants of Section V.",

@@ -184,7 +184,8 @@ SECTIONS_I_AND_II = (
     _none(
         "Section I",
         'claims of arbitrary tracking error performance and "separation of performance improvement from robustness"',
-        "not testable here: a report about others; reproduce cao_2006 and reproduce cao_hovakimyan_2006 measure their own words",
+        "not testable here: a report about other authors; reproduce cao_2006 and reproduce cao_hovakimyan_2006 measure what "
+        "these authors state",
     ),
     _none(
         "Section I",
@@ -254,9 +255,9 @@ SECTION_III_A = (
         "Theorem 1 (i); Section III.B, last paragraph",
         "for any reference signal r(t) the tracking error e(t) = x(t) - x_m(t) converges to zero as t -> infinity",
         "Without modelling error, the tracking errors of the standard and the robust MRAC go to zero for any command",
-        "the standard MRAC: with every drawn command the integral of |e|^2 stays below V(0) = |theta_tilde(0)|^2/Gamma, from "
+        "the standard MRAC: with every random command the integral of |e|^2 stays below V(0) = |theta_tilde(0)|^2/Gamma, from "
         "which e -> 0 follows (Barbalat)",
-        "the robust MRAC: with every drawn command the largest error in the last quarter is smaller than in the second quarter",
+        "the robust MRAC: with every random command the largest error in the last quarter is smaller than in the second quarter",
         equation=f"(3), (4); {MENDED}, (15)",
     ),
     _row(
@@ -301,7 +302,7 @@ SECTION_III_A = (
     _none(
         "Theorem 1, proof (i)",
         "The proof follows by choosing the Lyapunov function V = e'Pe + theta_tilde'Gamma^-1 theta_tilde",
-        "proved in three lines: V' = -|e|^2 + 2 theta_tilde'(theta_hat'/Gamma - e'Pb x) = -|e|^2, <= with projection. So e, "
+        "proved in three lines: V' = -|e|^2 + 2 theta_tilde'(theta_hat'/Gamma - e'Pb x) = -|e|^2, or less with projection. So e, "
         "theta_hat, x, e' are bounded, the integral of |e|^2 is at most V(0), and e -> 0 (Barbalat)",
     ),
     _same(
@@ -340,8 +341,8 @@ SECTION_III_A = (
         "constant bias that is proportional to kappa",
         "The filter causes a steady-state error: a constant bias proportional to kappa",
         "with Section V's sine the error in the tail is more than a hundredth of the largest error",
-        "the remaining error is a bias: an error also remains with a constant command, larger than a thousandth of the error "
-        "with a sine of the same size",
+        "the remaining error is a bias: with a constant command too, an error remains that is larger than a thousandth of "
+        "the error with a sine of the same size",
         "with Section V's sine, halving kappa from Section V's 0.02 s halves the error and doubling it doubles the error, to "
         "within a tenth",
         equation="(5) to (8)",
@@ -441,7 +442,7 @@ SECTION_III_B = (
     _none(
         "Section III.B, (12)",
         "Equation (11) can be written as",
-        "proved in three lines: (11) is x' = A_m x + b v with v = theta*'x + u + Delta_m u; by Laplace's transform x = (sI - "
+        "proved in three lines: (11) is x' = A_m x + b v with v = theta*'x + u + Delta_m u; by the Laplace transform x = (sI - "
         "A_m)^-1 b v + (sI - A_m)^-1 x_0; A_m is Hurwitz, so w decays",
     ),
     _none(
@@ -583,7 +584,8 @@ SECTION_III_B = (
         "Theorem 2",
         "The function Delta*(tau_min) is such that as tau_min -> 0, Delta*(tau_min) -> 0",
         "tau-limit-delay",
-        "and tau-limit-mu, which start from the size: the smaller it is, the smaller is the smallest tolerated tau",
+        "and tau-limit-mu, which start from the size of the modelling error: the smaller it is, the smaller the smallest "
+        "tolerated tau",
     ),
     _same("Theorem 2", "with a (theoretical) quantifiable upper bound for the zero-state tracking error", "tau-error"),
     _none("Theorem 2, proof", "The proof follows from Lemma 1 and the proofs of Theorem 6.1 and Theorem 6.2 in Ref. 18.", ABROAD),

@@ -56,7 +56,7 @@ STATEMENTS = (
     ),
     _ours(
         "c-of-20",
-        "after Section IV, which raises the question how to find a C of (20) for an unknown plant",
+        "after Section IV, which raises the question of how to find a C of (20) for an unknown plant",
         "A single C satisfies (20) for every plant in a set with large parametric uncertainty, that of Section V",
         "with x_1 of Section V's plant as the output y, L = 0.5 and m = 1, at least one of the C tried satisfies (20) for every "
         "plant on a grid of theta over the known set. Three forms of C are tried, each with one bandwidth, from 1 to 1e4 rad/s",
@@ -140,8 +140,8 @@ STATEMENTS = (
         "adaptive-in-flight",
         "after Section IV, which asks that flown controllers be compared with linear designs",
         "When failures occur in flight, adaptive schemes do better than linear designs with the same margins",
-        "without reversed surfaces, the adaptive scheme with the fewest losses loses fewer flights than the linear one with the "
-        "fewest; for some failure this is beyond chance, and for no failure is the reverse",
+        "without reversed surfaces, the adaptive scheme that loses the fewest flights loses fewer than the linear design that "
+        "loses the fewest; for some failure this difference is beyond chance, and for no failure is the opposite difference",
         "some adaptive scheme has less error than every linear one, beyond chance, for more failures than the reverse",
         equation=f"(3) to (8); {MENDED}, (15), (16)",
     ),

@@ -96,7 +96,8 @@ def test_the_gain_margin_upwards_is_the_papers_evidence_no_other_is(effect):
     slow = effect.readings[0].measured  # the excluded cells are named: 3 filters of 43 gains
     assert "all 387 cells with kappa <= 0.1 s" in slow and slow.count("of 43 cells") == 3
     assert (
-        "rises in 2 (Gamma r^2 = " in slow and "kappa = 0.4 s falls in 0 of 43 cells, is unstable with the filter in 43" in slow
+        "rises in 2 (Gamma r^2 = " in slow
+        and "kappa = 0.4 s, k - 1 falls in 0 of 43 cells, and the loop with the filter is unstable in 43" in slow
     )
     for kappa, factor in zip((None, 0.02), effect.gain_margins, strict=True):
         loop = linearised(1e4, 50.0, kappa)

@@ -84,7 +84,7 @@ def test_the_losses_are_of_all_stored_flights_together_without_reversed_surfaces
     for name, found in better["failures"]["gusts"].items():
         found["lost"]["count"] = 0 if name == "MRAC" else 5
     claim = flown.in_flight([Flights(document("")), Flights(better)])
-    assert claim.shows.startswith("Flights lost, without those with reversed surfaces: adaptive 0, linear 5 of 80.")
+    assert claim.shows.startswith("Of 80 flights without reversed surfaces, adaptive schemes lose 0, linear designs 5.")
     assert (
         claim.readings[0].holds
         and "1 of 4 failures show this order beyond chance and 0 show the opposite order" in claim.readings[0].measured

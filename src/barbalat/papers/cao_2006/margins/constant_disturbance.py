@@ -68,7 +68,8 @@ def _listing() -> Listing:
             f"{kappa:g} s, phase": over_gains(kappa).phase[told],
             f"{kappa:g} s, delay [s]": over_gains(kappa).delay[told],
         }
-    return table("Exact phase margins [rad] and delay margins [s] over the gain, for MRAC and for L1-AC with each kappa", columns)
+    caption = "Exact phase margins [rad] and delay margins [s] against the gain, for MRAC and for L1-AC with each kappa"
+    return table(caption, columns)
 
 
 def mrac() -> list[Claim]:
@@ -88,7 +89,7 @@ def mrac() -> list[Claim]:
                 phase.reads(smaller[0], f"{found.phase[0]:.3g} rad at the lowest gain, {found.phase[-1]:.2g} rad at the "
                 f"highest", 1),
             ),
-            shows=f"With the gain, the peak of MRAC's control rises from {effort[0]:.2g} to {effort[1]:.0f} times the "
+            shows=f"As the gain grows, the peak of MRAC's control rises from {effort[0]:.2g} to {effort[1]:.0f} times the "
             f"disturbance, and the phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
             measured=f"the peak gain from the disturbance to the control, T = L/(1 + L), rises from {effort[0]:.3g} to "
             f"{effort[1]:.4g}; MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over "
@@ -131,14 +132,14 @@ def _phase() -> Claim:
                 "fast adaptation: above some gain, which depends on the filter, the phase margin is that of 1/(kappa s) to "
                 "within a tenth",
                 all(np.isfinite(list(fast.values()))),
-                "; ".join(f"from Gamma = {gain:.2g} on with kappa = {kappa:g} s" for kappa, gain in fast.items()) + ": a "
-                "quarter turn, 1.57 rad",
+                "; ".join(f"above Gamma = {gain:.2g} with kappa = {kappa:g} s" for kappa, gain in fast.items()) + "; this "
+                "margin is a quarter turn, 1.57 rad",
                 "beside",
             ),
         ),
         shows=f"On our first-order loop with kappa = {KAPPAS[0]:g} s the phase margin falls from {phases[KAPPAS[0]][0]:.2g} rad "
-        f"to {phases[KAPPAS[0]].min():.1g} and returns to {phases[KAPPAS[0]][-1]:.3g}; from Gamma = {fast[KAPPAS[0]]:.1e} on it "
-        "stays within a tenth of that.",
+        f"to {phases[KAPPAS[0]].min():.1g} and returns to {phases[KAPPAS[0]][-1]:.3g}. Above Gamma = {fast[KAPPAS[0]]:.1e} it "
+        "stays within 10 % of pi/2.",
         measured=f"the phase margin is {told}",
         how=HOW, listings=(_listing(),), would_change="a different break point of the loop, or the plant and gains of the "
         "paper, which are not available",
@@ -160,7 +161,7 @@ def _delay() -> Claim:
         values[late].min() > 0 and values[late].max() < values[late].min() * (1 + UNCHANGED_SHARE) for values in delays.values()
     )
     told = "; ".join(
-        f"{span(values[late])} s with kappa = {kappa:g} s; the smallest at any gain is {values.min():.2g} s"
+        f"{span(values[late])} s with kappa = {kappa:g} s (the smallest at any gain is {values.min():.2g} s)"
         for kappa, values in delays.items()
     )
     return Claim(
@@ -169,7 +170,7 @@ def _delay() -> Claim:
         shows=f"With kappa = {KAPPAS[0]:g} s the delay margin is {delays[KAPPAS[0]][-1]:.3g} s at the highest gain, after a dip "
         f"to {delays[KAPPAS[0]].min():.2g} s at Gamma = {GAINS[int(delays[KAPPAS[0]].argmin())]:.1e}; that of MRAC is "
         f"{over_gains(None).delay[-1]:.0e} s.",
-        measured=f"over the last decade of gain {told}; the limit of fast adaptation is pi kappa/2",
+        measured=f"over the last decade of gain the delay margin is {told}; the limit of fast adaptation is pi kappa/2",
         how=HOW, listings=(_listing(),), would_change="a delay margin that keeps falling with the gain",
     )  # fmt: skip
 
@@ -188,9 +189,9 @@ def _inside() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(bool(rises), "; ".join(rises) or f"no rise with {len(KAPPAS)} filters"),
+            sentence.reads(bool(rises), "; ".join(rises) or f"no rise with any of {len(KAPPAS)} filters"),
             Reading(
-                "both margins are larger at the highest gain than with the slowest adaptation tried, with each filter",
+                "with each filter, both margins are larger at the highest gain than with the slowest adaptation tried",
                 all(np.all([values[-1] > values[0] for values in (over_gains(kappa).phase, over_gains(kappa).delay)]) for kappa in KAPPAS),
                 "; ".join(f"with kappa = {kappa:g} s the delay margin is {over_gains(kappa).delay[0]:.3g} s at Gamma = "
                 f"{GAINS[0]:g} and {over_gains(kappa).delay[-1]:.3g} s at {GAINS[-1]:g}" for kappa in KAPPAS),
@@ -199,8 +200,8 @@ def _inside() -> Claim:
         ),
         shows=f"With kappa = {KAPPAS[0]:g} s, an increase of the gain first lowers the delay margin from {first.delay[0]:.3g} to "
         f"{first.delay.min():.2g} s; a further increase restores it to {first.delay[-1]:.3g} s.",
-        measured="; ".join(rises) or f"no rise with {len(KAPPAS)} filters",
-        how=HOW, listings=(_listing(),), would_change="margins that fall with every increase of the gain, with each filter",
+        measured="; ".join(rises) or f"no rise with any of {len(KAPPAS)} filters",
+        how=HOW, listings=(_listing(),), would_change="margins that fall with every increase of the gain for each filter",
     )  # fmt: skip
 
 

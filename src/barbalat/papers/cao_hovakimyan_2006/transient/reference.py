@@ -60,19 +60,19 @@ def mrac() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"In {MEMBERS} runs |e| stays below {error.max():.2f} of (9), and |u|, with the projection, below "
-        f"{control.max():.2f} of the bound that follows. |u - u*| does not fall as 1/sqrt(Gamma).",
+        shows=f"In {MEMBERS} runs |e| stays below {error.max():.2f} of (9), and |u| below {control.max():.2f} of the bound that "
+        f"follows from (9) and the projection. |u - u*| does not fall as 1/sqrt(Gamma).",
         measured=f"the largest |e| / bound is {error.max():.2f} (median {np.median(error):.2f}) and the largest |u| / bound is "
         f"{control.max():.2f} (median {np.median(control):.2f}); the local exponents of |u - u*| over the gain are "
         f"{span(local_exponents(away, gains))}. (9) needs e(0) = 0, that is x_m(0) = x(0), which the designer can choose, as in "
-        "(2). For any other e(0), V(0) still bounds e, but not by a constant that the gain makes small",
-        how=f"Section V, without modelling error, every step. Bounds (rounded outward): theta drawn from the box, Gamma from "
+        "(2). For any other e(0), V(0) still bounds e, but a high gain does not make this bound small",
+        how=f"Section V, without modelling error, at every step. Bounds (rounded outward): theta drawn from the box, Gamma from "
             f"0.1 to 100, RK4, h = 1e-4 s, 20 s. Over the gain: h = {span(list(l1_reference.STEPS.values()))} s, "
             f"{l1_reference.T_END:g} s, {l1_reference.COMPARED_INSTANTS} instants",
         listings=(
             table("Largest values relative to the bounds, over all "
             "runs", {"of": ("|e|", "|u|"), "median": (np.median(error), np.median(control)), "largest": (error.max(), control.max())}),
-            table("MRAC over the gain", {"Gamma": gains, "largest |e|": state, "largest |u - u*|": away, "times "
+            table("MRAC against the gain", {"Gamma": gains, "largest |e|": state, "largest |u - u*|": away, "times "
             "sqrt(Gamma)": scaled}),
         ),
         would_change="mixed: a resolved run with e(0) = 0 above one of the two bounds; an MRAC without projection, for whose "
@@ -142,8 +142,8 @@ def _asymptotic() -> Claim:
             "the last", part)
             for part, found in enumerate(quarters.values())
         ),
-        shows=f"At Gamma = {gamma:g}, from the first quarter of {t_end:g} s to the last: "
-        f"{', '.join(f'{name} {said}' for name, said in told.items())}.",
+        shows=f"At Gamma = {gamma:g}, {' and '.join(f'the largest {name} goes from {said}' for name, said in told.items())} "
+        f"between the first and the last quarter of {t_end:g} s.",
         measured="the largest values of the first and of the last quarter: "
         f"{'; '.join(f'{name} {said}' for name, said in told.items())}",
         how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {l1_reference.STEPS[gamma]:g} s, {t_end:g} s, "
@@ -160,7 +160,7 @@ ROWS = (
         l1,
         2.0,
         {
-            "gain-enforces-transient": "L1-AC's transient over the gain",
+            "gain-enforces-transient": "L1-AC's transient and the gain",
             "asymptotic-tracking": "L1-AC's distance from its reference system",
         },
         place=20,

@@ -206,8 +206,8 @@ def _one_step_before(lost: float | None) -> str:
     (run,) = simulate(section_v.problem(), [section_v.l1("L1", gamma, projection=False)], until).values()
     u, theta_hat, x = float(np.abs(run.u[-1]).max()), float(np.abs(run.theta_hat[-1]).max()), np.abs(run.x[-1])
     return (
-        f"one step before Figure 3's run is lost, |u| is {u:.1g}, the larger |theta_hat_i| {theta_hat:.1g} and |x_2| {x[1]:.1g}; "
-        f"x_1, the integral of x_2, grows last and is {x[0]:.3g}"
+        f"one step before Figure 3's run is lost, |u| is {u:.1g}, the larger |theta_hat_i| is {theta_hat:.1g} and |x_2| is "
+        f"{x[1]:.1g}; x_1, the integral of x_2, grows last and is {x[0]:.3g}"
     )
 
 
@@ -260,7 +260,7 @@ def erratum_claim(runs: Runs) -> Claim:
 def _counted(shown: Sequence[PaperFigure]) -> Listing:
     checks = [(figure.key, check) for figure in shown for check in figure.checks]
     return table(
-        "The statements about the figures, and the rows that decide those that are their sentences",
+        "The statements about the figures, and the row that decides each",
         {
             "figure": [key for key, _ in checks],
             "statement": [check.statement for _, check in checks],
@@ -351,7 +351,7 @@ def diverges(result: Result) -> Check:
     """Check that a run without projection diverges."""
     at = result.diverged_at
     return Check(
-        "without projection all signals go unbounded",
+        "without projection all signals become unbounded",
         at is not None,
         "bounded" if at is None else f"diverged at t = {at:.4f} s",
         row="no-projection",

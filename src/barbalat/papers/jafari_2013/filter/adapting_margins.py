@@ -105,7 +105,7 @@ def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
         bool(moderate.max() < 1),
         f"k goes from {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; this holds in "
         f"all {moderate.size} cells with kappa <= {MODERATE_KAPPA:g} s, twice the limit of Theorem 1's condition; there k - 1 "
-        f"falls to {moderate.min():.2g} to {moderate.max():.2g} of its value without the filter. Slower filters: "
+        f"is {moderate.min():.2g} to {moderate.max():.2g} times its value without the filter. Slower filters: "
         f"{_slower(ratios)}",
         "beside",
     )
@@ -127,8 +127,8 @@ def _reading(name: str, moderate: Array) -> Reading:
     return Reading(
         f"the filter lowers the {name} of the adapting loop: exact, around constant commands",
         bool((moderate < 1).all()),
-        f"kappa = {section_v.KAPPA:g} s: {at}; {said}. It falls in {int((moderate < 1).sum())} of {moderate.size} cells with "
-        f"kappa <= {MODERATE_KAPPA:g} s",
+        f"kappa = {section_v.KAPPA:g} s: {at}; {said}. The filter lowers it in {int((moderate < 1).sum())} of {moderate.size} "
+        f"cells with kappa <= {MODERATE_KAPPA:g} s",
         "beside",
     )
 
@@ -149,7 +149,7 @@ def _slower(ratios: Array) -> str:
         if kappa <= MODERATE_KAPPA:
             continue
         raised, lost = row >= 1, np.isnan(row)
-        text = f"kappa = {kappa:.3g} s falls in {int((row < 1).sum())} of {len(row)} cells"
+        text = f"with kappa = {kappa:.3g} s, k - 1 falls in {int((row < 1).sum())} of {len(row)} cells"
         if raised.any():
             at = ", ".join(f"{gain:.2g}" for gain in GAINS[raised])
             text += (
@@ -157,7 +157,7 @@ def _slower(ratios: Array) -> str:
                 f"filter)"
             )
         if lost.any():
-            text += f", is unstable with the filter in {int(lost.sum())}"
+            text += f", and the loop with the filter is unstable in {int(lost.sum())}"
         said.append(text)
     return "; ".join(said)
 
@@ -169,8 +169,8 @@ def _delay_map(ratios: Array, line: Curve) -> Map:
         caption=(
             "The ratio of the delay margins of the L1-AC and MRAC loops at the same gain. Each loop, including its adaptive "
             "law, is linearised around a constant command r. To the left of the line the filter reduces the margin, and to the "
-            "right it increases it. MRAC's margin falls as 1/Γ; L1-AC's returns to that of the limit of fast adaptation (the "
-            "step in the colours)."
+            "right it increases it. MRAC's margin falls as 1/Γ; L1-AC's margin returns to its value in the limit of fast "
+            "adaptation, which causes the step in the colours."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),

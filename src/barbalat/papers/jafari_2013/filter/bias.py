@@ -62,8 +62,8 @@ def bias_is_proportional() -> Claim:
     doubled, admitted = doubles(tail), theorem_1.kappa_max(theorem_1.derivative_norm(given.known), THETA_MAX)
     ends = _ends(gamma, admitted)
     readings = (
-        sentence.reads(share > STAYING_SHARE, f"max |e_1| in the tail is {size:.3g}, {share:.2g} of the largest, at kappa = "
-        f"{KAPPAS[own]:g} s"),
+        sentence.reads(share > STAYING_SHARE, f"at kappa = {KAPPAS[own]:g} s max |e_1| in the tail is {size:.3g}, {share:.2g} of "
+        f"its maximum over the whole run"),
         sentence.reads(
             bool(held > LASTING_SHARE * size),
             f"with r = 50 max |e_1| in the tail of 120 s is {held:.1g}; with Section V's sine of the same size it is {size:.3g}, "
@@ -79,8 +79,8 @@ def bias_is_proportional() -> Claim:
         Reading(
             f"proportional at every kappa that part (ii) of Theorem 1 admits, up to kappa_max = {admitted:.4f} s",
             ends >= admitted,
-            f"to within a tenth up to {ends:.4f} s, where the error is {_over_half(gamma, ends):.3g} times that of half the "
-            f"kappa",
+            f"to within a tenth up to {ends:.4f} s, where the error is {_over_half(gamma, ends):.3g} times the error at "
+            f"half that kappa",
             "beside",
         ),
         Reading(f"proportional at every kappa up to {section_v.KAPPA:g} s", bool(doubled[own:].all()), f"doubling kappa "
@@ -89,21 +89,21 @@ def bias_is_proportional() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"With a sine, doubling kappa multiplies the error by {ratios[own]:.3g}; it is proportional within a tenth up to "
-        f"{ends:.4f} s. With a constant command the error is {held:.0e}.",
+        shows=f"With a sine, doubling kappa multiplies the error by {ratios[own]:.3g}; the error is proportional to kappa "
+        f"within a tenth up to {ends:.4f} s. With a constant command it is {held:.0e}.",
         measured=f"max |e_1| in the tail goes from {tail[0]:.3g} at kappa = {KAPPAS[0]:g} s to {tail[-1]:.3g} at {KAPPAS[-1]:g} "
         f"s; its local exponent goes from {exponents[0]:.3g} to {exponents[-1]:.3g} and tends to 1 as kappa falls. With a "
         f"constant command an error of {held:.1g} remains, as Theorem 1 (iii) of the paper says",
         how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; constant command: Gamma = 1, h = 1e-3 s, 120 s",
         listings=(
             table(
-                "The steady error against the filter's time constant, and the local exponent from the row above",
+                "The steady error against the filter's time constant, and the local exponent relative to the row above",
                 {"kappa [s]": KAPPAS, "max |e_1|, tail": tail, "exponent": np.append(np.nan, exponents)},
             ),
         ),
         would_change=""
         "holds: an error that remains with a constant command too; fails: an error that goes to zero with a sine, or does not "
-        "grow with kappa. l1-against-pi treats other filters than (6)",
+        "grow with kappa. l1-against-pi treats filters other than (6)",
     )  # fmt: skip
 
 

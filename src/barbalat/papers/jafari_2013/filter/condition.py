@@ -35,10 +35,10 @@ def condition() -> Claim:
     value = _value(known, PRINTED_KAPPA)[0]
     readings = (
         sentence.reads(
-            held and largest >= PRINTED_KAPPA, f"{value:.4f} on the left at {PRINTED_KAPPA:g} s, which must be less than 1"
+            held and largest >= PRINTED_KAPPA, f"at {PRINTED_KAPPA:g} s the left side, which must be less than 1, is {value:.4f}"
         ),
         Reading(
-            f"with the limit rounded to its safe side: kappa up to {proved:.6f} s",
+            f"with the limit rounded to the safe side: kappa up to {proved:.6f} s",
             held and round(largest, 2) >= PRINTED_KAPPA,
             f"proved up to {proved:.6f} s, which rounds to the printed {PRINTED_KAPPA:g} s",
             "mended",
@@ -61,7 +61,7 @@ def _over_kappa(known: Known, proved: float) -> Listing:
     kappas = sorted({*TOLD_KAPPAS, proved})
     bounds = [_value(known, kappa) for kappa in kappas]
     return table(
-        "||W_b (C - 1)||_1 theta_max over the filter's time constant, where less than 1 is required: guaranteed bounds",
+        "Guaranteed bounds on ||W_b (C - 1)||_1 theta_max, which must be less than 1, against the filter's time constant",
         {
             "kappa [s]": [f"{kappa:.6g}" for kappa in kappas],
             "at least": [down(lower, 6) for lower, _ in bounds],
@@ -74,9 +74,8 @@ def _refuted(known: Known, least: float) -> str:
     if not math.isfinite(least):
         return f"; at {PRINTED_KAPPA:g} s it is undecided"
     return (
-        f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED_KAPPA:g} s it provably fails, with "
-        f"{_value(known, PRINTED_KAPPA)[0]:.4f} "
-        "on the left at the end: a limit that was rounded to its unsafe side"
+        f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED_KAPPA:g} s it provably fails, and at {PRINTED_KAPPA:g} s the "
+        f"left side is {_value(known, PRINTED_KAPPA)[0]:.4f}. The limit was rounded to the unsafe side"
     )
 
 

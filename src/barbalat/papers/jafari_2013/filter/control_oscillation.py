@@ -138,28 +138,28 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
         Reading(
             "the mean frequency falls at every gain at which u oscillates",
             all(pair.frequency < 1 - EQUAL_FREQUENCY_SHARE for pair in numerical),
-            f"the mean changes by the factors {span([pair.frequency for pair in numerical])} and the strongest frequency by "
+            f"the mean changes by factors of {span([pair.frequency for pair in numerical])} and the strongest frequency by "
             f"{span(peaks)}, in {len(numerical)} settings. Without the filter the strongest frequency is "
-            f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
+            f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles per step of the solver",
             "beside",
         ),
         Reading(
             "the ringing of the exact solution, resolved by the step, becomes slower",
             all(ratio < 1 - EQUAL_FREQUENCY_SHARE for ratio in ringing),
-            f"the mean changes by the factors {span(ringing)} and the strongest frequency by {span(ringing_peak)}: the ringing "
+            f"the mean changes by factors of {span(ringing)} and the strongest frequency by {span(ringing_peak)}: the ringing "
             "has the frequency sqrt(Gamma b'P b) |x|, which does not depend on C",
             "beside",
         ),
         Reading(
             "the numerical oscillations in the control shrink to less than a tenth (the purpose of a low-pass filter)",
             all(size < 0.1 for size in sizes),
-            f"the RMS value changes by the factors {span(sizes)}; 1/(kappa w) predicts {span(expected)}",
+            f"the RMS value changes by factors of {span(sizes)}; 1/(kappa w) predicts {span(expected)}",
             "beside",
         ),
         Reading(
             "the ringing of the exact solution shrinks in the same way",
             all(size < 0.1 for size in ringing_size),
-            f"the RMS value changes by the factors {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: "
+            f"the RMS value changes by factors of {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: "
             "without the filter u itself damps the ringing",
             "beside",
         ),

@@ -32,9 +32,9 @@ RESOLUTION = 0.05
 """Relative resolution of the bisection of delays."""
 CRITERIA = {"onset": "up to the beginning of an oscillation", "loss": "up to the loss of the motion"}
 RULE = (
-    f"Equal error by one rule: the tunings are Sobol's points over {ranges(MRAC_KNOBS)} for MRAC and over {ranges(L1_KNOBS)} "
+    f"Equal error by one rule: the tunings are Sobol points over {ranges(MRAC_KNOBS)} for MRAC and over {ranges(L1_KNOBS)} "
     f"for L1-AC, half of these with (6) and half with (2 kappa s + 1)/(kappa s + 1)^2. A tuning matches one of the other side "
-    f"if its RMS error is no larger and its delay no shorter"
+    f"if its RMS error is no larger and the delay that it tolerates is no shorter"
 )
 
 
@@ -98,7 +98,8 @@ def reading(found: Sequence[Fronts], criterion: str) -> Reading:
             f"two slopes are not matched by MRAC; {int(behind.sum())} of {len(behind)} MRACs are not matched by L1-AC"
         )
     return Reading(
-        f"at equal error, with both tuned by one rule, some tuning of MRAC matches every tuning of L1-AC, {CRITERIA[criterion]}",
+        f"at equal error, with both tuned by one rule, every tuning of L1-AC is matched by some tuning of MRAC, "
+        f"{CRITERIA[criterion]}",
         bool(matched),
         "; ".join(said),
         "beside",
@@ -119,7 +120,7 @@ def listing(found: Sequence[Fronts]) -> Listing:
                 rows.append((one.command, criterion, one.l1.tunings[best], short(error), short(delay), short(ratios[best])))
     return Listing(
         "For each filter, the tuning of L1-AC that is furthest ahead of the MRAC tunings with no larger RMS error: its delay "
-        "[s] divided by theirs. If it is below 1, MRAC matches every tuning with that filter",
+        "[s] divided by theirs. If this ratio is below 1, MRAC matches every tuning with that filter",
         ("command", "criterion", "tuning of L1-AC", "RMS |e|", "delay [s]", "over MRAC's"),
         tuple(rows),
     )

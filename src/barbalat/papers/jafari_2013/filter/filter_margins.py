@@ -79,7 +79,7 @@ def claim(*, full: bool = False) -> Claim:
     readings = (
         SENTENCES["filter-reduces-margins"].reads(
             len(effect.fall_at_every_gain) == len(MARGINS),
-            f"{counter}; these fall at every gain tried: {always}; these rise at the highest gain: "
+            f"{counter}; falling at every gain tried: {always}; rising at the highest gain: "
             f"{', '.join(effect.rise_at_high_gain) or 'none'}",
         ),
         *effect.readings,
@@ -106,9 +106,9 @@ def claim(*, full: bool = False) -> Claim:
         measured=f"exact: the filter changes the delay margin from {_change(slow)} with the estimates fixed at theta and from "
             f"{_change(adapting)} with the law active at Gamma = 100 around r = 1. As Gamma tends to infinity, the margin is "
             f"{fast:.3g} s with the filter and falls as 1/Gamma without it. Its gain margin falls from "
-            f"{effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} at Figure 3's gain. Simulated in {len(found)} "
-            f"readings. Up to the beginning of an oscillation: {_counted(found, 'onset')}. Up to the loss of the motion, with "
-            f"or without oscillations: {_counted(found, 'loss')}",
+            f"{effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} at Figure 3's gain. The simulated margins in "
+            f"{len(found)} readings are as follows. Up to the beginning of an oscillation: "
+            f"{_counted(found, 'onset')}. Up to the loss of the motion, with or without oscillations: {_counted(found, 'loss')}",
         how=f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. "
         f"Simulated: Section V, RK4, h = 2e-4 s, 40 s. Scan and bisection find the largest exact delay [s] that the loop "
         f"tolerates, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7 (listed as its "

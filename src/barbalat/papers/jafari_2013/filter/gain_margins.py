@@ -75,17 +75,17 @@ def gain_reduces_margins() -> Claim:
         shows=f"From Gamma = {section_v.MODERATE_GAIN:g} to {HIGH_GAIN:g} MRAC's delay margin goes from {of_plain[0]:.2g} to "
         f"{of_plain[1]:.2g} s; L1-AC's is {'unchanged' if _unchanged(of_filtered) else 'changed'}, {of_filtered[0]:.4g} to "
         f"{of_filtered[1]:.4g} s, and {filtered[0]:.2g} s with slow adaptation.",
-        measured=f"with every increase of the gain these margins fall: the {_listed(falls_of_mrac)} of MRAC; the "
+        measured=f"these margins fall with every increase of the gain: the {_listed(falls_of_mrac)} of MRAC; the "
         f"{_listed(falls_of_l1)} of L1-AC. Over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} MRAC's delay "
         f"margin goes from {plain[0]:.3g} s to {plain[-1]:.2g} s, at the end in proportion to Gamma^{slope:.2f}. L1-AC's (kappa "
         f"= {section_v.KAPPA:g} s) is not monotone: it falls from {filtered[0]:.3g} s to {filtered[lowest]:.2g} s at Gamma r^2 = "
-        f"{GAINS[lowest]:.2g}, is at least {filtered[back:].min():.3g} s from {GAINS[back]:.2g} on, and tends to {limit:.3g} s",
+        f"{GAINS[lowest]:.2g}, is at least {filtered[back:].min():.3g} s above {GAINS[back]:.2g}, and tends to {limit:.3g} s",
         how=f"{METHOD}; the literal readings use Gamma = {section_v.MODERATE_GAIN:g}, as in smaller-gain, and {HIGH_GAIN:g}, "
             f"around r = {COMMAND_CREST:g}, the crest of Section V's command. A margin that changes by less than a tenth counts "
             f"as unchanged",
         maps=(chart,),
         would_change="an MRAC for which one of the two margins is not smaller at a high gain. L1-AC's margins are smaller too "
-        "if the lowest gain of the sweep is the moderate one",
+        "if the lowest gain of the sweep is taken as the moderate gain",
     )  # fmt: skip
 
 
@@ -161,7 +161,7 @@ def l1_margins() -> Claim:
         f"reproduce cao_2006 measures",
         listings=(
             table(
-                "L1-AC's exact phase and delay margins over the gain, and MRAC's delay margin",
+                "L1-AC's exact phase and delay margins against the gain, and MRAC's delay margin",
                 {"Gamma r^2": GAINS[::3], "phase [rad]": phase[::3], "delay [s]": delay[::3], "MRAC, delay [s]": plain[::3]},
             ),
         ),

@@ -57,8 +57,8 @@ def filter_limits_theta() -> Claim:
         "-3].",
         measured=f"with kappa = 0.02 s Theorem 1 guarantees stability up to theta = {_down(guaranteed)} [4, -3], |theta|_1 = "
             f"{_down(7 * guaranteed)}. The limit loop is stable up to {exact:.2f} [4, -3], {exact / guaranteed:.1f} times that "
-            f"size. In runs at 0.8 and 1.25 of this limit the tail error of L1-AC is {numbers(early)} over 30 s and "
-            f"{numbers(late)} over 60 s. With {len(THETA_SCALES)} sizes up to {THETA_SCALES[-1]:g} [4, -3] the tail error of "
+            f"size. In runs at 0.8 and 1.25 times this limit the tail error of L1-AC is {numbers(early)} over 30 s and "
+            f"{numbers(late)} over 60 s. For {len(THETA_SCALES)} sizes up to {THETA_SCALES[-1]:g} [4, -3] the tail error of "
             f"MRAC is at most {unfiltered.max():.1g}",
         how="certified norms; bisection on the exact eigenvalues of the fast-adaptation loop; RK4, h = 1e-4 s, Gamma = 100, r = 1, no projection, "
         "30 s (h omega_a is below 1 in the stable runs)",

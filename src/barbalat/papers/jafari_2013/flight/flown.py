@@ -49,8 +49,8 @@ def in_flight(every: Sequence[Flights]) -> Claim:
             _supplementary(every, "L1 with the piecewise-constant law, a linear controller, tracks better than robust MRAC for "
             "more failures than the reverse", "L1 piecewise, as flown", "Robust MRAC"),
         ),
-        shows=f"Flights lost, without those with reversed surfaces: adaptive {lost}, linear {of_linear} of {flown}. Adaptive "
-        f"errors are significantly smaller for {len(ahead)} failures, linear ones for {len(behind)}.",
+        shows=f"Of {flown} flights without reversed surfaces, adaptive schemes lose {lost}, linear designs {of_linear}. "
+        f"Adaptive errors are significantly smaller for {len(ahead)} failures, linear for {len(behind)}.",
         measured="; ".join(
             f"{flights.name}: lost {flights.sum_lost(one)} ({one}) and {flights.sum_lost(other)} ({other}) of "
             f"{flights.members * len(flights.failures)}" for flights, one, other in sides
@@ -85,8 +85,8 @@ def l1_and_mrac(every: Sequence[Flights]) -> Claim:
         shows=f"L1-AC's error is smaller than MRAC's for {len(ahead)} failures and larger for {len(behind)} on the quadrotor; on "
         f"the F-16 these numbers are {len(f16_ahead)} and {len(f16_behind)}.",
         measured=f"on the quadrotor without a failure the median RMS error of L1-AC is {nominal[0]:.3g} and that of MRAC "
-            f"{nominal[1]:.3g} {quadrotor.unit}. Among {sum(len(one.failures) for one in every)} failures L1-AC has less error "
-            f"beyond chance for {len(ahead) + len(f16_ahead)}, and more for {len(behind) + len(f16_behind)}",
+            f"{nominal[1]:.3g} {quadrotor.unit}. Among {sum(len(one.failures) for one in every)} failures L1-AC's error "
+            f"is smaller beyond chance for {len(ahead) + len(f16_ahead)}, and larger for {len(behind) + len(f16_behind)}",
         how="read from stored documents, not measured by this command: " + "; ".join(_provenance(one) for one in every) + ". "
         "Flights without a failure (none) are counted too; reversed surfaces are not. L1-AC is state feedback with the filter "
         "(6), "

@@ -81,8 +81,8 @@ def _non_adaptive(contestants: list[Controller], missing: str) -> Claim:
         f"{', '.join(following) or 'none below a fifth'}"),),
         shows=f"Over the set the tail error is at most {100 * linear[best]:.2g} % of the model's amplitude with {best}; with "
         f"L1-AC at Section V's kappa it is {100 * worst[L1_NAME]:.2g} %.",
-        measured=f"over {len(THETAS)} values of theta in the known set the largest tail error, with the model's amplitude "
-        f"{amplitude():.0f}: "
+        measured=f"the largest tail error over {len(THETAS)} values of theta in the known set, relative to the model's amplitude "
+        f"of {amplitude():.0f}: "
         + "; ".join(f"{name} {100 * share:.2g} %" for name, share in worst.items()) + missing,
         how=f"Section V's command and set, RK4, h = {STEP:g} s, {T_END:g} s, no modelling error. The robust MRAC has {MENDED}; "
             f"the designs are those of adaptive-against-linear, fixed over the set",
@@ -158,8 +158,9 @@ def _adaptive_against_linear(contestants: list[Controller], measured: dict[str, 
     return Claim(
         sentence=sentence,
         readings=(*literal, *beside["plain"], *beside["delayed"]),
-        shows=f"The settings were chosen, not tuned. Smallest tail error at size 1: adaptive {least['plain']:.2g}, linear "
-        f"{best['plain']:.2g}; with a delay of {1e3 * DELAY:g} ms these are {least['delayed']:.2g} and {best['delayed']:.2g}.",
+        shows=f"The settings were chosen, not tuned. At size 1 the smallest tail error is {least['plain']:.2g} (adaptive) and "
+        f"{best['plain']:.2g} (linear); with a delay of {1e3 * DELAY:g} ms it is {least['delayed']:.2g} and "
+        f"{best['delayed']:.2g}.",
         measured=        f"Tail error at the paper's theta, at the set's corner (5, 5), and there with an input delay of "
         f"{1e3 * DELAY:g} ms: {'; '.join(sentences)}. The model's amplitude is {amplitude():.0f}{missing}",
         how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes. "
@@ -313,8 +314,8 @@ def claim(l1: Array, pi: Array) -> Claim:
         shows=f"With filters chosen for equal delay margins and Gamma = {GAMMA:g}, L1-AC's tail error at size 1 is "
         f"{at_one(l1 / pi):.2g} times the PI's if C is (6) and {at_one(second / pi):.2g} times if 1 - C has two slopes.",
         measured=        "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast "
-        f"adaptation L1-AC is a linear loop with S = 1 - C. It rejects disturbances with one slope if C is (6). If C'(0) = 0 it "
-        f"does so with two slopes, as many as the PI; the left side of Theorem 1's condition is then {condition:.2f}",
+        f"adaptation L1-AC is a linear loop with S = 1 - C. At low frequencies S has one slope if C is (6), and two slopes, as "
+        f"many as with the PI, if C'(0) = 0; the left side of Theorem 1's condition is then {condition:.2f}",
         how=f"as in adaptive-against-linear, without a delay; all designs have a delay margin of {1e3 * margin:.0f} ms at "
         "Section V's theta",
         listings=(_over_sizes(l1, second, pi),),
@@ -325,7 +326,7 @@ def claim(l1: Array, pi: Array) -> Claim:
 def _over_sizes(l1: Array, second: Array, pi: Array) -> Listing:
     told = slice(None, None, 3)  # a factor of two from row to row
     return table(
-        "Tail errors max |e| over the size of the uncertainty; a dash marks a loop that diverged",
+        "Tail errors max |e| against the size of the uncertainty; a dash marks a loop that diverged",
         {
             "size": SIZES[told],
             "L1-AC, C of first order": l1[told],

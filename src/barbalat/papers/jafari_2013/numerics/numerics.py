@@ -109,17 +109,17 @@ def smaller_gain() -> Claim:
             sentence.reads(better, f"the largest |e| is {numbers(mrac.max_abs_e[0])} with MRAC and {numbers(l1.max_abs_e[0])} "
             f"with L1-AC, and in the tail {numbers(mrac.tail_max_abs_e[0])} and {numbers(l1.tail_max_abs_e[0])}", 1),
             Reading(
-                f"its errors are also smaller than those of L1-AC at h = {RESOLVING_STEP:g} s, which is small enough for its "
-                f"gain",
+                f"MRAC's errors are also smaller than those of L1-AC at h = {RESOLVING_STEP:g} s, a step that resolves "
+                f"L1-AC's gain",
                 bool((mrac.max_abs_e < resolved.max_abs_e).all() and (mrac.tail_max_abs_e < resolved.tail_max_abs_e).all()),
                 f"the largest |e| of L1-AC is then {numbers(resolved.max_abs_e[0])}, and in the tail "
                 f"{numbers(resolved.tail_max_abs_e[0])}",
                 "beside",
             ),
         ),
-        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}; that of Figure 3's L1-AC is "
-        f"{l1.tail_max_abs_e.max():.3g}, or {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 "
-        f"is {tolerated:.1e} s.",
+        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}; Figure 3's L1-AC has "
+        f"{l1.tail_max_abs_e.max():.3g}, or {resolved.tail_max_abs_e.max():.3g} with a resolving step. MRAC's exact delay margin "
+        f"at r = 50 is {tolerated:.1e} s.",
         measured=        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most "
             f"{mrac.tail_max_abs_e.max():.3g} and estimates that vary by at most {mrac.theta_hat_variation_rate.max():.3g} per "
             f"s. L1-AC with Gamma = 1e4 has a tail error of at most {l1.tail_max_abs_e.max():.3g}. Around the crest of the "
@@ -196,28 +196,28 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
         readings=(
             sentence.reads(
                 not lost and rate < 1 and changed < UNCHANGED_SHARE,
-                f"{'lost' if lost else 'not lost'}; the estimates vary by {rate:.1g} per s. A tenth of the step changes errors "
-                f"and control by a fraction of at most {changed:.0e}",
+                f"{'lost' if lost else 'not lost'}; the estimates vary by {rate:.1g} per s. Reducing the step to a tenth "
+                f"changes errors and control by a fraction of at most {changed:.0e}",
             ),
-            Reading("when it is sampled at 10 kHz with explicit Euler steps and the control is held between samples, its errors "
-            "change by less than a hundredth", _changed(euler, fine) < 0.01, "they change by a fraction of at most "
+            Reading("sampling the robust MRAC at 10 kHz, with explicit Euler steps and the control held between samples, changes "
+            "its errors by less than a hundredth", _changed(euler, fine) < 0.01, "they change by a fraction of at most "
             f"{_changed(euler, fine):.1g}", "beside"),
-            Reading("at any tau, without modelling error, RK4 at that step does not diverge within 10 "
+            Reading("at any tau, without modelling error, RK4 at the paper's step does not diverge within 10 "
             "s", not diverged.any(), f"{diverged.sum()} of {len(taus)} values of tau diverge, up to {observed:.3g} s; "
                 f"{above.sum()} of {len(above)} larger values do not", "beside"),
         ),
-        shows=f"At Section V's tau = {section_v.TAU:g} s a tenth of the step changes every result by a fraction of at most "
-        f"{changed:.0e}; below {observed:.2g} s RK4 diverges, as Section III.B warns.",
-        measured=f"at Section V's settings the estimates vary by {rate:.1g} per s in the tail, and a tenth of the step changes "
-            f"the largest errors and the largest control by a fraction of {changed:.1g}. The runs with {diverged.sum()} of "
-            f"{len(taus)} values of tau, up to {observed:.3g} s, diverge (see small-tau-numerics)",
+        shows=f"At Section V's tau = {section_v.TAU:g} s, reducing the step to a tenth changes every result by a fraction of at "
+        f"most {changed:.0e}; below {observed:.2g} s RK4 diverges, as Section III.B warns.",
+        measured=f"at Section V's settings the estimates vary by {rate:.1g} per s in the tail, and reducing the step to a tenth "
+            f"changes the largest errors and the largest control by a fraction of {changed:.1g}. The runs diverge at "
+            f"{diverged.sum()} of {len(taus)} values of tau, up to {observed:.3g} s (see small-tau-numerics)",
         how=f"Section V, robust MRAC, {MENDED}, RK4, h = {section_v.COARSE_STEP:g} and {section_v.FINE_STEP:g} s, "
         f"{section_v.T_END:g} s, every step; small tau: {SMALL_TAUS}",
         listings=(
             table(
                 "The robust MRAC of Section V at the paper's step, at a tenth of it, and sampled",
                 {
-                    "": ("RK4, h = 1e-4 s", "RK4, h = 1e-5 s", "Euler's steps at 10 kHz"),
+                    "": ("RK4, h = 1e-4 s", "RK4, h = 1e-5 s", "Euler steps at 10 kHz"),
                     **{f"max |e_{i + 1}|": [run.max_abs_e[0, i] for run in (coarse, fine, euler)] for i in range(2)},
                     **{f"|e_{i + 1}|, tail": [run.tail_max_abs_e[0, i] for run in (coarse, fine, euler)] for i in range(2)},
                     "max |u|": [float(np.ravel(run.max_abs_u)[0]) for run in (coarse, fine, euler)],

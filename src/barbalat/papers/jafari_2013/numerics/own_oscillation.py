@@ -32,14 +32,15 @@ def own_oscillation() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(bool((shares < OWN_SHARE).all()), f"{shares.min():.1g} to {shares.max():.2g} of it; the fraction is "
-            f"largest from {seconds[int(shares.argmax())][0]:g} s on, where the exact solution rings with an amplitude of up to "
-            f"{own[shares.argmax()].max():.2g}"),
+            sentence.reads(bool((shares < OWN_SHARE).all()), f"{shares.min():.1g} to {shares.max():.2g} times Figure 3's "
+            f"ringing; the ratio is largest in the second from {seconds[int(shares.argmax())][0]:g} s, where the exact solution "
+            f"rings with an amplitude of up to {own[shares.argmax()].max():.2g}"),
             Reading(
-                f"the first {NUMERICAL_FROM:g} s, in which Figure 3's run still follows the exact solution, are left out",
+                f"the first {NUMERICAL_FROM:g} s, in which Figure 3's run still agrees with the exact solution, are left out",
                 bool((shares[after] < OWN_SHARE).all()),
-                f"at most {shares[after].max():.2g} of it: the exact solution rings by up to {own[after].max():.2g} and Figure "
-                f"3 by up to {drawn[after].max():.2g}. In the last quarter the exact solution rings by {own[-5:].max():.0e}",
+                f"at most {shares[after].max():.2g} times Figure 3's ringing: the exact solution rings with an amplitude of up "
+                f"to {own[after].max():.2g} and Figure 3's run of up to {drawn[after].max():.2g}. In the last quarter the "
+                f"amplitude of the exact solution is {own[-5:].max():.0e}",
             ),
             Reading(
                 "without the projection the exact solution does not ring either: in the last quarter the ringing at a converged "
@@ -50,19 +51,20 @@ def own_oscillation() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"After {NUMERICAL_FROM:g} s Figure 3's run rings by {drawn.max():.2g}, from bound to bound, and the exact "
-            f"solution by at most {own[after].max():.2g}. Earlier, both ring alike, by up to {own[~after].max():.2g}.",
+        shows=f"After {NUMERICAL_FROM:g} s Figure 3's run rings from bound to bound, with an amplitude of {drawn.max():.2g}, and "
+            f"the exact solution with at most {own[after].max():.2g}. Before that, both ring alike, with up to "
+            f"{own[~after].max():.2g}.",
         measured=f"with the projection the exact solution rings with an amplitude of up to {own.max():.2g} until an estimate "
-            f"meets its bound at {RINGING_END:g} s, and with at most {own[-5:].max():.1g} in the last quarter. Figure 3's run "
-            f"rings with up to {drawn.max():.2g}. Without projection the exact solution rings with an amplitude of "
-            f"{numbers(free[2])} in the last quarter. At h = 1e-5 s the numerical damping of RK4 reduces this ringing to "
+            f"reaches its bound at {RINGING_END:g} s, and with at most {own[-5:].max():.1g} in the last quarter. Figure 3's run "
+            f"rings with an amplitude of up to {drawn.max():.2g}. Without projection the exact solution rings with an amplitude "
+            f"of {numbers(free[2])} in the last quarter. At h = 1e-5 s the numerical damping of RK4 reduces this ringing to "
             f"{free[0].max():.2g}",
         how=f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; the equations are solved with h = {CONVERGED_STEPS[0]:g} s, "
         f"which agrees with {CONVERGED_STEPS[1]:g} s to within a tenth, and Figure 3 with {section_v.COARSE_STEP:g} s; the "
-        f"ringing is half the largest swing within {RINGING_WINDOW:g} s, without the drift of its middle",
+        f"ringing is half the largest swing within {RINGING_WINDOW:g} s, with the drift of its midpoint removed",
         listings=(
             table(
-                "The ringing of the two estimates with projection in each second, of the exact solution and of Figure 3's run",
+                "The ringing of the two estimates in each second, with projection, in the exact solution and in Figure 3's run",
                 {
                     "second from [s]": [start for start, _ in seconds],
                     **{f"{i}, equations": own[:, i - 1] for i in (1, 2)},

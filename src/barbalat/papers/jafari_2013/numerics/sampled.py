@@ -42,7 +42,7 @@ def claim() -> Claim:
             ),
         ),
         shows=f"Over Gamma = {GAINS[0]:g} to {GAINS[-1]:g} the variation of the estimates changes by a factor of {spread:.3f}.",
-        measured=f"over Gamma = {GAINS[0]:g} to {GAINS[-1]:g} the estimates vary with the implicit step by "
+        measured=f"over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}, and with the implicit step, the estimates vary by "
         f"{span(smooth['MRAC'][:, 0])} per s (MRAC) and {span(smooth['L1'][:, 0])} per s (L1-AC). The largest variation is "
         f"{spread:.3f} times the smallest. With explicit Euler they vary by {span(rough[:, 0])} per s",
         how="the controller is sampled every 1e-4 s, and its step has a closed form that costs O(n^2) per sample; Section V, "
@@ -92,7 +92,7 @@ def delays() -> Claim:
     readings = (
         sentence.reads(tolerated_by_l1 > tolerated, f"{tolerated:g} T without the filter and {tolerated_by_l1:g} T with it"),
         Reading(
-            "with every delay the tracking error is larger without the filter",
+            "at every delay the tracking error is larger without the filter",
             len(larger) == len(DELAYS),
             f"larger at {len(larger)} of {len(DELAYS)} delays. Without the filter |e| is {errors[-1, 1]:.3g} at "
             f"{1e3 * DELAYS[0]:g} ms and {errors[-1, -1]:.3g} at {1e3 * DELAYS[-1]:g} ms; with it, {filtered_errors[-1, 1]:.3g} "
@@ -136,7 +136,7 @@ def _listing(found: dict[str, tuple[Array, Array]], quiet: float) -> Listing:
         for gamma, errors, rates in zip(DELAY_GAINS, *measured, strict=False)
     ]
     return Listing(
-        caption="Largest |e| of the tail under a delay at the plant's input; * marks estimates that are not quiet",
+        caption="Largest |e| in the tail under a delay at the plant's input; * marks estimates that are not quiet",
         columns=("form", "Gamma", "no delay", *(f"{1e3 * delay:g} ms" for delay in DELAYS)),
         rows=tuple(rows),
     )

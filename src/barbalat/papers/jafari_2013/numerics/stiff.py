@@ -47,9 +47,9 @@ def stiff_solvers_further() -> Claim:
     )
     codes = "; ".join(f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}" for row in (*loose, *longer))
     more = Reading(
-        "in longer runs, at the other gains and with variable-step codes, none follows the exact solution",
+        "in longer runs, at the other gains and with variable-step solvers, no solver agrees with the exact solution",
         not any(rows for _, rows in followed),
-        f"implicit steps that follow the exact solution, with projection: {gains}. Variable steps: {codes}",
+        f"implicit steps that agree with the exact solution, with projection: {gains}. Variable steps: {codes}",
         "beside",
     )
     return _claim(StiffRuns.now(full=True), more, listings=tuple(listings))
@@ -78,13 +78,13 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
             for row in (*tried.tight, *tried.loose)
         )
         + f". {NO_SINGULARITY}",
-        how=f"The ringing is half the largest swing within {RINGING_WINDOW:g} s, without the drift of its middle, in each second "
-        f"from {RINGING_START:g} to {RINGING_END:g} s. A result is right if in each second it is within a factor of "
-        f"{AGREEMENT_FACTOR:g} of that of RK4 at h = {PAPER_SETTING.converged_step:g} s, which rings with an amplitude of up to "
-        f"{numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps use {NEWTON_STEPS} Newton steps with the exact "
+        how=f"The ringing is half the largest swing within {RINGING_WINDOW:g} s, with the drift of its midpoint removed, in each "
+        f"second from {RINGING_START:g} to {RINGING_END:g} s. A result is right if its ringing in each second is within a factor "
+        f"of {AGREEMENT_FACTOR:g} of that of RK4 at h = {PAPER_SETTING.converged_step:g} s, which rings with an amplitude of up "
+        f"to {numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps use {NEWTON_STEPS} Newton steps with the exact "
         "Jacobian, and the estimate is limited at the end of each step. Variable steps use the projection and the exact "
-        f"Jacobian. In that time no converged estimate is beyond {_highest(RINGING_END):.2g}, and the projection does not act; "
-        f"RK4 at the paper's step leaves the solution at {tried.explicit[0].free.reached:.1f} s",
+        f"Jacobian. In that time no converged estimate exceeds {_highest(RINGING_END):.2g} in magnitude, and the projection does "
+        f"not act; RK4 at the paper's step leaves the solution at {tried.explicit[0].free.reached:.1f} s",
         listings=(listing([*tried.explicit, *at_paper, *tried.tight, *tried.loose], right, PAPER_SETTING.gamma), *tables, *listings),
         would_change="holds: for both methods and both steps, implicit steps that ring more than the exact solution at some gain",
         sharpened=FULL_COMMAND,
@@ -105,7 +105,7 @@ def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
     ends = min(path.reached for path in PAPER_SETTING.right)
     return (
         sentence.reads(
-            not avoiding, f"{len(avoiding)} of {len(tried.fixed[0])} avoid them at {len(tried.fixed)} gains: "
+            not avoiding, f"{len(avoiding)} of {len(tried.fixed[0])} combinations avoid them at all {len(tried.fixed)} gains: "
             f"{'; '.join(avoiding) or 'none'}"
         ),
         sentence.reads(
@@ -183,7 +183,7 @@ def _supplementary(tried: StiffRuns) -> tuple[Reading, ...]:
             "not ring too much are too damped", coarse),
         _followed("at a tenth of that step, no implicit method agrees with the exact solution at every gain either", fine),
         Reading(
-            "without projection, signals go unbounded at some gain",
+            "without projection, signals become unbounded at some gain",
             any(row.free.lost for row, _ in (*coarse, *fine)),
             f"{sum(row.free.lost for row, _ in (*coarse, *fine))} of {len(coarse) + len(fine)} implicit runs are lost",
             "beside",
@@ -200,7 +200,7 @@ def _followed(says: str, pairs: list[tuple[StiffRow, StiffSetting]]) -> Reading:
 
 
 def _amplitude(row: StiffRow) -> str:
-    return "" if row.boxed.lost else f", by {row.boxed.ringing(*row.span).max():.2g}"
+    return "" if row.boxed.lost else f", amplitude {row.boxed.ringing(*row.span).max():.2g}"
 
 
 NO_SINGULARITY = (
@@ -216,7 +216,7 @@ def _giving_up(tried: StiffRuns) -> Reading:
     codes = [*tried.tight, *tried.loose]
     gave_up = [f"{row.name}, {row.setting}, at {row.boxed.reached:.4g} s" for row in codes if row.boxed.lost]
     return Reading(
-        "a code gives up, as if it met a singularity",
+        "a solver gives up, as if it had met a singularity",
         bool(gave_up),
         f"{len(gave_up)} of {len(codes)} variable-step runs gave up" + "".join(f": {said}" for said in gave_up),
         "beside",

@@ -166,7 +166,7 @@ def cell(row: StiffRow, which: int, right: tuple[SolverPath, SolverPath]) -> str
     if path.lost:
         return f"lost at {path.reached:.2g} s"
     if not arrived(path, row.span):
-        return f"not decided (spent at {path.reached:.2g} s)"
+        return f"not decided (budget spent at {path.reached:.2g} s)"
     least, largest = ratios(path, right[which], row.span)
     word = "too much" if largest >= AGREEMENT_FACTOR else "right" if agrees(path, right[which], row.span) else "damped"
     return f"{least:.2g} to {largest:.3g} ({word})"

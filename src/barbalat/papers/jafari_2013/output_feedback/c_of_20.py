@@ -75,7 +75,7 @@ def claim() -> Claim:
     of_both = sum(stabilised(form(float(w)), either) == len(either) for form in FORMS.values() for w in BANDWIDTHS)
     best, (w, _) = min(satisfied.items(), key=lambda one: one[1][0], default=("none", (np.nan, np.nan)))
     told = "; ".join(
-        f"{name}: from w = {short(at)} rad/s on, ||H(1-C)||_1 L at most {value:.2g}" for name, (at, value) in satisfied.items()
+        f"{name} for w >= {short(at)} rad/s, with ||H(1-C)||_1 L at most {value:.2g}" for name, (at, value) in satisfied.items()
     )
     most = {name: max(values) for name, values in counts.items()}
     return Claim(
@@ -94,24 +94,24 @@ def claim() -> Claim:
                 "some C also stabilises H for plants with either sign of the gain",
                 bool(of_both),
                 f"{of_both} of {len(FORMS) * len(BANDWIDTHS)} do. None can: with C(0) = 1 the denominator of H begins with m "
-                f"d(s) (q - p), C = p/q, and ends with n(0) p(0) m, whose sign is that of the gain. An MRAC has to know that "
-                f"sign too",
+                f"d(s) (q - p), C = p/q, and ends with n(0) p(0) m, whose sign is that of the gain. An MRAC also needs to "
+                f"know that sign",
                 "beside",
             ),
         ),
         shows=f"A C {best}, w = {short(w)} rad/s, satisfies (20) for all {len(family)} plants of Section V's set; a C of first "
         f"order stabilises at most {most[FIRST]} of them.",
-        measured=f"of the {len(family)} plants, the number for which H is stable at the best bandwidth: "
+        measured=f"number of the {len(family)} plants for which H is stable at the best bandwidth: "
         f"{', '.join(f'{count} ({name})' for name, count in most.items())}. These C satisfy (20) for all plants: "
         f"{told or 'none'}. "
         "Ref. 15 is not available, so it is open whether its section 4.1.4 addresses the question in general",
         how=f"G = 1/(s^2 + (1 - theta_2) s + 0.3 - theta_1), {len(GRID)} x {len(GRID)} theta of the known set, (19) with m = "
         f"{M:g}, L = {LIPSCHITZ:g}, {len(BANDWIDTHS)} bandwidths from {BANDWIDTHS[0]:g} to {BANDWIDTHS[-1]:g} rad/s; poles of "
         f"H, certified L1 norms; a grid says nothing about the plants between its points",
-        listings=(table("For how many plants H of (20) is stable, by the bandwidth of "
+        listings=(table("Number of plants for which H of (20) is stable, by the bandwidth of "
         "C", {"w [rad/s]": BANDWIDTHS} | {name: [str(count) for count in values] for name, values in counts.items()}),),
-        would_change="fails: a set for which no C of these forms satisfies (20). This lead works because every plant of the set "
-            "behaves as 1/s^2 at high frequency; other relative degrees or zeros need a new search",
+        would_change="fails: a set for which no C of these forms satisfies (20). The C with a lead works because every plant of "
+            "the set behaves as 1/s^2 at high frequency; other relative degrees or zeros need a new search",
     )  # fmt: skip
 
 

@@ -45,17 +45,18 @@ def l1_is_linear() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(difference < 1e-9, f"it differs by {difference:.1g} of the largest |u|"),
-            sentence.reads(left < 1e-9, f"|e| = {left:.1g} is left", 1),
+            sentence.reads(left < 1e-9, f"an error |e| = {left:.1g} remains", 1),
             sentence.reads(
                 late[0] < 0.5 * late[1],
                 f"after saturation the mean |e| is {late[0]:.2g} with the projection and {late[1]:.2g} without it",
                 2,
             ),
         ),
-        shows=f"Inside its bounds it differs from a linear controller by {difference:.0e} of the largest |u|.",
+        shows=f"While sigma is inside its bounds, u differs from that of a linear controller by {difference:.0e} of the largest "
+        "|u|.",
         measured=f"its control differs from that of the linear equivalent by {difference:.1g} of the largest |u| while sigma is "
-        f"inside its bounds. A constant disturbance leaves |e| = {left:.1g}. After 5 s of saturation the mean |e| of the "
-        f"next 8 s is {late[0]:.2g} with the projection and {late[1]:.2g} without",
+        f"inside its bounds. A constant disturbance leaves an error |e| = {left:.1g}. After 5 s of saturation the mean |e| of "
+        f"the next 8 s is {late[0]:.2g} with the projection and {late[1]:.2g} without",
         how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the linear "
         "equivalent is multiplied out and integrated as a separate realisation",
         listings=(_compared_with_equivalent(runs[controller.name], runs["equivalent"]),),
@@ -104,7 +105,7 @@ def rohrs() -> Claim:
     lost = [g_0 for g_0, at in zip(DEAD_ZONES, ended, strict=True) if np.isfinite(at)]
     heights = _heights(bounded)
     adapting = [name for name, run in bounded.items() if _moved(run) > LEAST_PATH]
-    falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays"
+    falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays bounded"
     sentence = SENTENCES["rohrs"]
     return Claim(
         sentence=sentence,
@@ -124,11 +125,11 @@ def rohrs() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"The classical law {falls}; {len(bounded)} of {len(runs)} modified ones stay bounded.",
+        shows=f"The classical law {falls}; {len(bounded)} of {len(runs)} modified laws stay bounded.",
         measured=f"the classical law {falls}, and {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the other "
-        f"laws over {case.simulation.t_end:g} s is {span(heights)}, without adaptation {resting.figures['max_abs_y']:.3g}. The "
-        f"dead zone keeps the loop bounded by stopping the adaptation. With {len(lost)} of {len(DEAD_ZONES)} further dead "
-        f"zones, g_0 = {span(DEAD_ZONES)}, the loop diverges" + (f", those of {span(lost)}" if lost else ""),
+        f"laws over {case.simulation.t_end:g} s is {span(heights)}, and {resting.figures['max_abs_y']:.3g} without adaptation. "
+        f"The dead zone keeps the loop bounded by stopping the adaptation. With {len(lost)} of {len(DEAD_ZONES)} further dead "
+        f"zones, g_0 = {span(DEAD_ZONES)}, the loop diverges" + (f"; these have g_0 = {span(lost)}" if lost else ""),
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s",
         listings=(
             _motions(bounded, case.simulation.t_end),

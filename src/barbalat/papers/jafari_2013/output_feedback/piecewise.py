@@ -44,10 +44,10 @@ def is_linear() -> Claim:
             sentence.reads(max(left) < ROUNDING_SHARE, f"|e_1| = {left[1]:.2g} remains with a = {TRIED_POLES[1]:g}/s, and "
             f"{left[-1]:.1g} with a = 0", 1),
         ),
-        shows=f"It differs from a linear controller by {difference:.0e} of the largest |u|; a constant disturbance leaves |e_1| "
-        f"= {left[1]:.1g} with a = {TRIED_POLES[1]:g}/s and {left[-1]:.0e} with a = 0.",
+        shows=f"The law differs from a linear controller by {difference:.0e} of the largest |u|; a constant disturbance leaves "
+        f"|e_1| = {left[1]:.1g} with a = {TRIED_POLES[1]:g}/s and {left[-1]:.0e} with a = 0.",
         measured=f"its control differs from that of its realisation by {difference:.1g} of the largest |u|. Its estimate is a "
-            f"difference of two measurements. With a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz it never includes "
+            f"difference of two measurements. With a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz it misses "
             f"{100 * -np.expm1(TRIED_POLES[1] * flown.sample_time):.3g} % of a constant disturbance; with a = 0 it includes all "
             f"of it. "
         "Its margins are exact, as for any linear controller: it tolerates "
@@ -61,7 +61,7 @@ def is_linear() -> Claim:
                 {"a [1/s]": TRIED_POLES, "|e_1| [rad]": left},
             ),
         ),
-        would_change="an input for which law and realisation differ by more than rounding, while no limit acts",
+        would_change="an input for which the law and its realisation differ by more than rounding, while no limit acts",
     )  # fmt: skip
 
 

@@ -68,8 +68,7 @@ def claim(*, full: bool = False) -> Claim:
         if not full
         else (
             Reading(
-                "the same holds with the gradient law, to which a switching sigma-modification is added under disturbance and "
-                "lag",
+                "the same holds with the gradient law; under disturbance and lag, it has a switching sigma-modification",
                 min(float(found.min()) for found in exponents.values()) > LEAST_EXPONENT and _bounded(leaking),
                 f"{_powers({name: found for name, found in exponents.items() if name not in own})}; {_told(leaking)}",
                 "beside",

@@ -164,7 +164,7 @@ def _one_frequency() -> str:
     """Return a sentence on a command of one frequency, at which two estimates fit a delayed plant."""
     tails = [_one_sine(t_end) for t_end in (T_END, LONGER_T_END)]
     return (
-        f"|e| in the tail, tau = {TAUS[0]:g} s, delay {SIZES[-1]:g} s, is {tails[0]:.3g} after {T_END:g} s and "
+        f"|e| in the tail with tau = {TAUS[0]:g} s and a delay of {SIZES[-1]:g} s is {tails[0]:.3g} after {T_END:g} s and "
         f"{tails[1]:.3g} after {LONGER_T_END:g} s"
     )
 
@@ -204,8 +204,8 @@ def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
     ]
     slopes = np.array([errors.slopes for errors in found.values()])
     by_tau = table(
-        "The smallest nu in |e| <= (tau + Delta_2) nu, and the remaining |e| per second of mu [1/s], the largest over the "
-        "modelling errors",
+        "The smallest nu in |e| <= (tau + Delta_2) nu, and the remaining |e| per second of mu [1/s]; both are the "
+        "largest over the modelling errors",
         {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
     return *by_size, by_tau

@@ -66,10 +66,10 @@ def bounded(runs: dict[float, Along]) -> Claim:
             f"{halves['rate'].max():.3g}. In the second half of a run the supremum of theta_hat is at most "
             f"{growth['theta_hat']:.3g} times that of the first half, and those of the others at most "
             f"{max(value for name, value in growth.items() if name != 'theta_hat'):.2g} times",
-        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "at 3000 instants; the reading is that no supremum grows in the "
-            "second half"),
+        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "evaluated at 3000 instants; the reading is that no supremum "
+            "grows in the second half"),
         listings=(_suprema(tuple(runs), halves),),
-        would_change="a supremum that keeps growing along a run, which is all that a finite run can show",
+        would_change="a supremum that keeps growing along a run; a finite run can show no more than that",
     )  # fmt: skip
 
 
@@ -84,13 +84,13 @@ def without_error(run: Along) -> Claim:
         sentence=sentence,
         readings=(sentence.reads(falls, f"V goes from {V[0]:.3g} to {V[-1]:.2g}, and the integral of (epsilon m_s)^2 is "
             f"{spent[-1]:.4g}. The last quarter adds at most a fraction {max(late.values()):.0e} of each integral"),),
-        shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 equals the decrease of V within "
+        shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 equals the decrease of V to within "
         f"{gap:.0e}.",
         measured=        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises. The sum of V and the integral of (epsilon "
-            f"m_s)^2 is V(0), to within a fraction {gap:.0e}. The integrals of epsilon^2, (epsilon m_s)^2 and |theta_hat'|^2 "
-            f"reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g} and {run.integrals['rate'][-1]:.3g}; the last quarter "
-            f"adds at most a fraction {max(late.values()):.0e} of each",
-        how=METHOD.format("Delta_m = 0", "the integrals are computed with the loop; V at 3000 instants"),
+            f"m_s)^2 equals V(0) to within a fraction of {gap:.0e}. The integrals of epsilon^2, (epsilon m_s)^2 and "
+            f"|theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g} and {run.integrals['rate'][-1]:.3g}; the "
+            f"last quarter adds at most a fraction {max(late.values()):.0e} of each",
+        how=METHOD.format("Delta_m = 0", "the integrals are computed with the loop, and V at 3000 instants"),
         listings=(
             table(
                 "Integrals over the run, and the fraction that its last quarter contributes",
@@ -131,8 +131,8 @@ def with_error(runs: dict[float, Along]) -> Claim:
         f"{_at_most(by_definition)}; with the integral "
         f"of eta^2/m_s^2 {_at_most(constants)}. Since V' = -(epsilon m_s)^2 + eta^2/m_s^2, the constants with the integral are "
         f"at most max(1, V) = 1, and for theta_hat' at most |P(0)|^2 = {section_v.COVARIANCE0**2:g}. Along the runs this "
-        f"equation is satisfied to within {gap:.0e} V(0). V is not monotone: it rises to up to {risen.max():.3g} V(0). For any "
-        f"signals: see the readings",
+        f"equation is satisfied to within {gap:.0e} V(0). V is not monotone: it rises to as much as {risen.max():.3g} V(0). The "
+        f"readings show what holds for any signals",
         how=METHOD.format(
             "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
             "for every pair t, t + T of 3000 instants, nu is the smallest number for which the integral over [t, t + T] is at "

@@ -39,17 +39,17 @@ def tau_and_error() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"From runs with {MENDED}: max |e|/tau is {nu[0]:.3g} 1/s at tau = {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s and "
+        shows=f"In runs with {MENDED}, max |e|/tau is {nu[0]:.3g} 1/s at tau = {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s and "
         f"{nu[-1]:.3g} at {taus[-1]:g} s.",
         measured=        f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s. Its "
-            f"local exponents are {span(below)} below {taus[1]:g} s, where it is proportional to tau, and {exponents[0]:.3g} up "
-            f"to {taus[0]:g} s, where it grows less than proportionally",
+            f"local exponents are {span(below)} below {taus[1]:g} s, where the error is proportional to tau, and "
+            f"{exponents[0]:.3g} up to {taus[0]:g} s, where it grows less than proportionally",
         how=f"Section V, {MENDED}, RK4, h = 1e-4 s, 60 s. The paper says that the bound is quantifiable but does not give nu. "
             f"The smallest nu of these runs is not a bound derived beforehand, and with (14) as printed no nu exists "
             f"(erratum-14)",
         listings=(
             table(
-                "The largest error of the robust MRAC against tau, and the local exponent from the row above",
+                "The largest error of the robust MRAC against tau, and the local exponent relative to the row above",
                 {"tau [s]": taus, "max |e|": peaks, "max |e|/tau": nu, "exponent": np.append(np.nan, exponents)},
             ),
         ),

@@ -148,7 +148,7 @@ def listings() -> tuple[Listing, Listing]:
             {"phi": WEAK_REGRESSORS, "mu": mus, "least squares (15)": taught[0], "gradient": taught[1]},
         ),
         table(
-            "The integral of (epsilon m_s)^2 from T_1 on, after a modelling error eta = 1 that lasted until T_1",
+            "The integral of (epsilon m_s)^2 after T_1, following a modelling error eta = 1 that lasted until T_1",
             {"T_1 [s]": BIASED_TIMES, "least squares (15)": left[0], "gradient": left[1]},
         ),
     )

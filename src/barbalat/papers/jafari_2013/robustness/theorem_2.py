@@ -14,7 +14,7 @@ from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.linear.largest import largest
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace, TransferFunction
-from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Map, Measurement, span, table
+from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Map, Measurement, numbers, span, table
 from barbalat.papers.finding import PROPORTIONAL_SHARE, Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.robustness.delta_2 import ALPHA_0, DELTA_0
@@ -47,9 +47,10 @@ def claims() -> list[Claim]:
     """Measure the rows for an input delay and for Delta_m = -mu s."""
     derivative = ScaledError(TransferFunction([-1.0, 0.0], [DERIVATIVE_POLE, 1.0]))
     realised = f"-mu s/({DERIVATIVE_POLE} s + 1)"
-    delay = TauTradeOff("delay", "delay", "delay at the plant's input [s]", "an input delay", "exact delay", DelayError())
+    axis = "delay at the plant's input [s]"
+    delay = TauTradeOff("delay", "the delay", "a delay of", axis, "an input delay", "exact delay", DelayError())
     shown = "Δₘ = " + realised.replace("mu ", "μ")
-    mu = TauTradeOff("mu", "mu", "μ [s]", shown, f"Delta_m = {realised}, a proper realisation", derivative)
+    mu = TauTradeOff("mu", "mu", "mu =", "μ [s]", shown, f"Delta_m = {realised}, a proper realisation", derivative)
     return [delay.claim(), mu.claim(), _range_of_tau(delay), _minus_mu_s(delay, mu)]
 
 
@@ -59,6 +60,7 @@ class TauTradeOff:
 
     key: str
     word: str
+    at: str
     axis: str
     title: str
     what: str
@@ -109,11 +111,9 @@ class TauTradeOff:
     def literal(self) -> tuple[Reading, str]:
         """The reading with the setting of Theorem 2, and a phrase with its results."""
         tolerates, loses = self.normalised.tolerates, self.normalised.loses
-        said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(tolerates, THEOREM_SIZES, strict=True))
+        said = f"the smallest sufficient tau is {numbers(tolerates)} s for {self.at} {numbers(THEOREM_SIZES)} s"
         holds = bool(np.isfinite(tolerates).all() and (loses > 0).all() and (np.diff(tolerates) > 0).all())
-        return SENTENCES[f"tau-limit-{self.key}"].reads(
-            holds, f"smallest sufficient tau: {said}; alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}"
-        ), said
+        return SENTENCES[f"tau-limit-{self.key}"].reads(holds, f"{said}; alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}"), said
 
     def claim(self) -> Claim:
         limits, at = self.limits, self.bounded
@@ -123,7 +123,8 @@ class TauTradeOff:
         doubled = (along[1] / along[0])[np.isfinite(along[:2]).all(axis=0)]
         literal, said = self.literal
         beside = Reading(
-            f"with Section V's alpha_0 = 0 it rises with each of {len(sizes)} sizes, by more than a factor of two in all",
+            f"with Section V's alpha_0 = 0, tau's limit rises from each of {len(sizes)} sizes to the next, and by more than a "
+            f"factor of two in all",
             bool((np.diff(taus) > 0).all()) and bool(taus[-1] > 2 * taus[0]),
             f"{taus[0]:.3g} to {taus[-1]:.3g} s",
             "beside",
@@ -131,15 +132,15 @@ class TauTradeOff:
         return Claim(
             sentence=SENTENCES[f"tau-limit-{self.key}"],
             readings=(literal, beside),
-            shows=f"Smallest sufficient tau: {said} of {self.word}.",
-            measured=            f"the smallest tau that keeps the run bounded is {taus[0]:.3g} s at a {self.word} of "
-                f"{sizes[0]:.3g} s and {taus[-1]:.3g} s at {sizes[-1]:.3g} s, which is {(taus / sizes).min():.2f} to "
-                f"{(taus / sizes).max():.2f} times the {self.word}. No tau tried keeps it bounded with "
+            shows=f"{said[0].upper()}{said[1:]}.",
+            measured=            f"the smallest tau that keeps the run bounded is {taus[0]:.3g} s for {self.at} "
+                f"{sizes[0]:.3g} s and {taus[-1]:.3g} s for {sizes[-1]:.3g} s, which is {(taus / sizes).min():.2f} to "
+                f"{(taus / sizes).max():.2f} times {self.word}. No tau tried keeps it bounded with "
                 f"{self._nothing_tolerated()}. At these values of tau the linear loop with the estimates frozen at theta loses "
-                f"stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}. The "
+                f"stability at {linear.min():.3f} to {linear.max():.3f} times {self.word}{_agree(linear, sizes)}. The "
                 f"small-gain theorem shows this loop stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. Along the "
-                f"boundary, at 5 % more than its tau, the tail error grows from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; "
-                f"at twice its tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
+                f"boundary, at a tau 5 % above it, the tail error grows from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at "
+                f"twice the boundary's tau it is {doubled.min():.2f} to {doubled.max():.2f} times as large",
             how=f"Section V, robust MRAC, {MENDED}, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x "
             f"{len(TAUS)} values of tau, then bisection "
             f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. "
@@ -152,7 +153,7 @@ class TauTradeOff:
 
     def _nothing_tolerated(self) -> str:
         none = SIZES[np.isnan(self.limits.tolerates)]
-        return f"{none[0]:.3g} s" if len(none) else "more than the largest value tried"
+        return f"{self.at} {none[0]:.3g} s" if len(none) else "more than the largest value tried"
 
     def _map(self) -> Map:
         at, limit, gain = self.bounded, *np.array([(each.limit, each.small_gain) for each in self.frozen]).T
@@ -246,8 +247,8 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
             Reading(
                 "the same holds for the robust MRAC's loops with frozen estimates, for every tau",
                 bool((np.abs(ratios - 1) < PROPORTIONAL_SHARE).all()),
-                f"{span(ratios)} times the delay, for delays of {span(limits[0])} s: if |L| = 1 at a high frequency, mu times "
-                f"that frequency is not small",
+                f"the tolerated mu is {span(ratios)} times the tolerated delay, for delays of {span(limits[0])} s: if |L| = 1 at "
+                f"a high frequency, mu times that frequency is not small",
                 "beside",
             ),
         ),
@@ -293,9 +294,8 @@ def _agree(linear: Array, sizes: Array) -> str:
 
 
 LOSS_CRITERION = (
-    f"Lost: diverged, or the largest |e| of the last quarter is more than {Grown().growth:g} times that of the best earlier "
-    f"quarter, or "
-    "|e| exceeds the largest |x_m| after the first quarter"
+    f"A run is lost if it diverges, if the largest |e| of the last quarter is more than {Grown().growth:g} times that of the "
+    "best earlier quarter, or if |e| exceeds the largest |x_m| after the first quarter"
 )
 
 

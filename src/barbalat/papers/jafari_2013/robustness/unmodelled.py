@@ -138,8 +138,8 @@ def _text(wide: dict[float | None, Array], kappa: float | None) -> str:
     gone = np.isfinite(wide[kappa]).any(axis=0)
     tried = f"of the {len(ROHRS_GAINS)} gains from {ROHRS_GAINS[0]:g} to {ROHRS_GAINS[-1]:g}"
     if not gone.any():
-        return f"{_name(kappa)} diverges with none {tried}"
-    return f"{_name(kappa)} diverges with {gone.sum()} {tried}, first at {np.nanmin(wide[kappa]):.3g} s"
+        return f"{_name(kappa)} diverges at none {tried}"
+    return f"{_name(kappa)} diverges at {gone.sum()} {tried}, first at {np.nanmin(wide[kappa]):.3g} s"
 
 
 THETAS = ((4.0, -3.0), (0.0, 0.0), (5.0, 5.0), (-5.0, 5.0), (5.0, -5.0), (-5.0, -5.0))
@@ -227,13 +227,13 @@ def claim(*, full: bool = False) -> Claim:
         sentence=SENTENCES["unmodelled-unbounded"],
         readings=readings,
         shows=f"With a delay of {firsts.min():g} s, which the loop tolerates if theta is known, runs grow without bound at every gain tried.",
-        measured=        f"shortest delay with unbounded growth, at any gain tried: {_of_section_v(found, ideal)}. At every "
+        measured=        f"the shortest delay with unbounded growth, at any gain tried: {_of_section_v(found, ideal)}. At every "
             f"gain, for {len(below['MRAC (3)-(4)'])} (MRAC) and {len(below['L1-AC (5)-(8)'])} (L1-AC) of {len(THETAS)} values "
             f"of theta in the known set, the same loop tolerates this delay, {firsts.min():g} s to {firsts.max():g} s, if theta "
             f"is known. For theta = 0: {_of_the_centre(found, ideal)}",
         how=f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
         f"{DELAYS[-1]:g} s; RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. A run counts as unbounded if it diverges or "
-        f"if |e| in the last quarter exceeds {UNBOUNDED_RATIO:g} times the largest |x_m|; all other runs stay below "
+        f"if |e| in the last quarter exceeds {UNBOUNDED_RATIO:g} times the largest |x_m|; in all other runs |e| stays below "
         f"{max(float(each.tail.max()) for each in found.values()):.2g} times",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
         would_change="a bound on x with Delta_m for Section V's known set and the unchanged laws (4) and (7), or a gain at "
@@ -245,7 +245,7 @@ def claim(*, full: bool = False) -> Claim:
 def _of_section_v(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
     parts = [f"{name} {each.loses[0].min():g} s" for name, each in found.items()]
     known = ", ".join(_tolerated(values[0]) for values in ideal.values())
-    return f"Section V's theta, {', '.join(parts)} (with theta known the loops tolerate {known})"
+    return f"for Section V's theta {', '.join(parts)} (with theta known the loops tolerate {known})"
 
 
 def _lost_at(delay: float) -> str:
@@ -300,7 +300,7 @@ def _below_the_limit(found: Loss) -> str:
     tried = sum(int((limit > DELAYS).sum()) for limit in limits) * found.loses.shape[1]
     lost = sum(int((row < limit).sum()) for row, limit in zip(found.loses, limits, strict=True))
     return (
-        f"its authors' measure, the delay margin in the limit Gamma to infinity, is {limits.min():.3g} to {limits.max():.3g} s; "
+        f"its authors' measure, the delay margin as Gamma tends to infinity, is {limits.min():.3g} to {limits.max():.3g} s; "
         f"{lost} of {tried} runs with a shorter delay are unbounded"
     )
 
@@ -313,9 +313,8 @@ def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[floa
     return tuple(
         table(
             f"{name}: the largest delay [s] with a bounded run and the next one tried, which is unbounded (inf: none up to "
-            f"{DELAYS[-1]:g} s); the delay tolerated with theta known; the largest |e| in the bounded runs' last quarter over "
-            f"the "
-            "largest |x_m|",
+            f"{DELAYS[-1]:g} s); the delay tolerated with theta known; the largest |e| in the bounded runs' last quarter "
+            f"divided by the largest |x_m|",
             {
                 "theta": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],
                 "Gamma": gains * len(THETAS),

@@ -196,11 +196,14 @@ def claim(*, full: bool = False) -> Claim:
             robust.small,
             standard.small,
         ),
-        shows=f"{len(tried)} commands: MRAC's integral of |e|^2 is at most {spent.max():.2g} of V(0); the robust MRAC's error in the last quarter is at most {robust.ratios.max():.2g} of that in the second.",
-        measured=        f"{len(tried)} commands of {len(KINDS)} kinds: max |e| of the robust MRAC in the last quarter of {t_end:g} s is at most {robust.late[worst]:.2g} of the largest |x_m| ({tried[worst][0]}), "
-        f"median {np.median(robust.late):.1g}. From the second quarter on it fell to "
-        f"{robust.ratios.min():.1g} to {robust.ratios.max():.2g} of its value, most slowly with {tried[slowest][0]}; 1/t would give {ONE_OVER_T:.2g}, and the paper does not state a rate. "
-        f"The standard MRAC's error in the last quarter is at most {standard.late.max():.2g}, and at most {standard.ratios.max():.2g} of its value in the second",
+        shows=f"With {len(tried)} commands, MRAC's integral of |e|^2 is at most {spent.max():.2g} of V(0); the robust MRAC's "
+        f"error in the last quarter is at most {robust.ratios.max():.2g} of that in the second.",
+        measured=        f"with {len(tried)} commands of {len(KINDS)} kinds, max |e| of the robust MRAC in the last quarter of "
+        f"{t_end:g} s is at most {robust.late[worst]:.2g} of the largest |x_m| ({tried[worst][0]}), median "
+        f"{np.median(robust.late):.1g}. From the second quarter to the last it fell to between {robust.ratios.min():.1g} and "
+        f"{robust.ratios.max():.2g} of its value, most slowly with {tried[slowest][0]}; 1/t would give {ONE_OVER_T:.2g}, and "
+        f"the paper does not state a rate. The standard MRAC's error in the last quarter is at most {standard.late.max():.2g}, "
+        f"and at most {standard.ratios.max():.2g} of its value in the second",
         how=f"Section V, tau = 0.5 s, {MENDED}, RK4, h = {STEP:g} s, |r| <= {LARGEST_COMMAND:g}, seed {SEED}. 'Any' cannot be "
         f"simulated; the kinds tested are {', '.join(KINDS)}, with {len(tried) // len(KINDS)} commands of each. MRAC: h = "
         f"{MRAC_STEP:g} s. An error below {ROUNDING_SHARE:g} of |x_m| counts as fallen. Unbounded commands were not tested",

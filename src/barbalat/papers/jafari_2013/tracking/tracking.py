@@ -50,7 +50,7 @@ def bound_9(size: int = MEMBERS) -> Claim:
         measured=        f"the largest |e| / bound is {ratio.max():.2f}, median {np.median(ratio):.2f}, over {size} runs",
         how="Section V with theta drawn from the box and Gamma from 0.1 to 100, RK4, h = 1e-4 s, 20 s, every step; the bound is "
             "rounded outward",
-        listings=(table("Largest |e| over the bound, by Gamma", _by_decade([c.gamma for _, c in members], ratio)),),
+        listings=(table("Largest |e| divided by the bound, by Gamma", _by_decade([c.gamma for _, c in members], ratio)),),
         would_change="one numerically stable run with e(0) = 0 and no modelling error whose |e| exceeds the bound",
         sharpened=FULL_COMMAND,
     )  # fmt: skip
@@ -97,7 +97,7 @@ def bound_10(size: int = MEMBERS) -> Claim:
             f"bounds. The paper gives no formula for nu_1, so we constructed one",
         listings=(
             table(
-                "Largest |e| over the bound, by kappa",
+                "Largest |e| divided by the bound, for each kappa",
                 {"kappa [s]": kappas, "runs": [str(size // 8)] * 8, "median": np.median(ratio.reshape(8, -1), axis=1)}
                 | {"largest": ratio.reshape(8, -1).max(axis=1)},
             ),
@@ -167,14 +167,14 @@ def part_iii() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(ANY_COMMAND in SENTENCES["any-command"].quote, f'part (i) is printed "{ANY_COMMAND}", which includes '
-            f'r = 50: one step'),
+            sentence.reads(ANY_COMMAND in SENTENCES["any-command"].quote, f'part (i) says "{ANY_COMMAND}", which includes '
+            f'r = 50, so the conclusion takes one step'),
             sentence.reads(bound == 0, f"(10) allows an error of {bound:.3g} for r = 50, however high the gain", 1),
         ),
-        shows=f"MRAC: yes, part (i) covers every r. L1-AC: for r = 50 and any gain, (10) still allows {short(bound)}; the run's "
+        shows=f"For MRAC, part (i) covers every r. For L1-AC with r = 50, (10) allows {short(bound)} at any gain; the run's "
         f"error is {left:.0e}, by Barbalat's lemma and C(0) = 1.",
         measured="for MRAC, part (iii) is part (i) with r constant. For L1-AC, the bound (10) for r = 50 as Gamma goes to "
-        f"infinity is {bound:.4g}, and the error of a run in the tail is {left:.1g}. The missing steps: the integral of "
+        f"infinity is {bound:.4g}, and the tail error of a run is {left:.1g}. The proof lacks these steps: the integral of "
         f"|x_tilde|^2 is at most V(0), so x_tilde -> 0 (Barbalat). Then x_hat - x_m is driven through W_b (1 - C) by a signal "
         f"that tends to a constant, and (1 - C)(0) = 0",
         how=f"certified norm and model bounds, kappa = {section_v.KAPPA:g} s; run: Gamma = 1, RK4, h = 1e-3 s, 120 s",
@@ -227,7 +227,7 @@ def same_lyapunov() -> Claim:
         f"instants; (10) by certified norms",
         listings=(
             table(
-                "V along L1-AC, and where the state goes",
+                "V along runs of L1-AC, and the largest state",
                 {"kappa [s]": list(FILTERS), "Gamma": [gamma for gamma, _ in FILTERS.values()], "largest rise of V, of "
                 "V(0)": rises, "max |x|": reached},
             ),
@@ -326,7 +326,7 @@ def is_mrac() -> Claim:
                 {"(3)-(4), driven by e": by_e, "(5)-(8)": by_prediction},
             ),
             table(
-                "Tail errors of (3)-(4) with the filter over those of (5)-(8)",
+                "Tail errors of (3)-(4) with the filter, divided by those of (5)-(8)",
                 {"kappa [s]": [k for k, _ in shares], "Gamma": [g for _, g in shares]}
                 | {f"|e_{i + 1}|": [share[i] for share in shares.values()] for i in range(2)},
             ),
