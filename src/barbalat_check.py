@@ -233,11 +233,21 @@ def bernstein_matrix(_: int) -> arb_mat:
 # --- The given data: the case's numbers and the assumptions that follow from them -----------------------------------------------
 
 
+PLANT_FACTS = {
+    "A_m", "b", "k_0", "theta", "x0", "gain", "input_gain", "regressor", "uncertainty", "inputs", "disturbance", "unmatched",
+    "unmatched_ranges", "sensor", "noise", "baseline", "reference",
+}  # fmt: skip
+OUTPUT_FACTS = {"kind", "inputs", "reference", "noise", "disturbance", "output_disturbance"}
+
+
 class Case:
     """The plant x' = A_m x + b (diag(gain) u + d + Phi(x)'theta) as the designer knows it, with the signals that act on it."""
 
     def __init__(self, facts: dict[str, Any]) -> None:
         self.facts, self.assumed = facts, dict[str, None]()
+        known = OUTPUT_FACTS if facts.get("kind") == "output" else PLANT_FACTS
+        unknown = ", ".join(sorted(facts.keys() ^ known))
+        require(not unknown, f"plant must contain each of its numbers and nothing else, but these differ: {unknown}")
         if facts.get("kind") == "output":
             return
         self.A_m = matrix(facts["A_m"])
@@ -249,6 +259,7 @@ class Case:
         self.theta, self.x0 = vector(facts["theta"]), column(vector(facts["x0"], self.n))
         self.gain = vector(facts["gain"], self.m)
         self.interval = None if facts["input_gain"] is None else Box(facts["input_gain"], self.m)
+        require(self.interval is None or all(one > 0 for one in self.interval.lower), "an unknown input gain must be positive")
         fixed = facts["baseline"]  # u = k_0 r - theta_0'x, to which adaptation is added; the command also enters x' as enters r
         self.theta_0 = None if fixed is None else vector(fixed["theta_0"], len(facts["theta"]))
         self.enters = zeros(self.n, self.k_0.ncols()) if fixed is None else matrix(fixed["enters"], self.n, self.k_0.ncols())
@@ -437,6 +448,8 @@ class Controller:
 
     def __init__(self, case: Case, facts: dict[str, Any]) -> None:
         self.case, self.facts, self.proven = case, facts, dict[str, Any]()
+        has_L = self.scheme == "mrac-closed-loop"
+        require(("L" in facts) is has_L, f"{self.scheme} {'needs' if has_L else 'has no'} L")
         self.norms = dict[str, Norms]()
 
     @property
@@ -509,6 +522,7 @@ class Controller:
             return
         require(leakage.get("kind") == "switching", "a leakage must be a switching one")
         M_0, origin = number(leakage["M_0"]), [fmpq(0)] * len(self.case.theta)
+        require(M_0 > 0, "M_0 must be positive")
         of_theta = sum((one**2 for one in self.case.parameters), fmpq(0))
         require(of_theta <= M_0**2, "M_0 must bound theta")
         theta, gains = self.of_theta, [] if self.case.interval is None else self.case.interval.upper
@@ -525,6 +539,8 @@ class Controller:
         self.case.require_regular()
         require("sample_time" not in self.facts, "the controller must act continuously")
         self.earlier("lyapunov")
+        gain_stays_positive = self.case.interval is None or self.fact("projection") is True
+        require(gain_stays_positive, "the estimate of an unknown input gain must be projected")
         self.require_inside()
         self.require_no_corners()
         self.require_plain_law()
@@ -789,6 +805,8 @@ def _kappas(c: Controller, value: Any, line: dict[str, Any]) -> None:
 @rule("nu_1", "nu_2")
 def _nu_1(c: Controller, value: Any, line: dict[str, Any]) -> None:
     c.require_theorem_1()
+    require_known_gain(c)
+    require_projected(c)
     A, B, C, D = state_space(c.fact("filter"))
     pole = -A[0, 0]
     first_order = A.nrows() == 1 and D[0, 0] == 0 and pole > 0 and B[0, 0] * C[0, 0] == pole
@@ -805,7 +823,8 @@ def _nu_1(c: Controller, value: Any, line: dict[str, Any]) -> None:
 @rule("reference_error_bound")
 def _reference(c: Controller, value: Any, line: dict[str, Any]) -> None:
     c.require_theorem_1()
-    require(c.fact("projection") is True and c.case.linear, "theta_hat must be projected onto the known set")
+    require_known_gain(c)
+    require_projected(c)
     at_least(value, c.norm("C").norm[1] * c.level() / contraction(c), "the bound of |x - x_ref|")
 
 
@@ -1286,6 +1305,8 @@ def followed(
 # --- A loop that is linear from sample to sample: docs/proofs.md, "A sampled linear loop" ---------------------------------------
 
 SAMPLES_BETWEEN_ROUNDINGS = 8
+ROUNDING = fmpq(1, 2**36)
+"""Largest relative difference of a matrix in a file from its value, which was computed in double precision."""
 PARTS, TRAPEZOIDS = 16, 4
 """Numbers of parts of a sample, for its motion and for the effect of disturbances."""
 
@@ -1316,6 +1337,43 @@ class SampledLoop:
         top = self.J * (self.over(self.T)[0] * self.unit(range(s)) + pushed * self.now)
         top = top + self.J * (moved * early) * self.before if self.part > 0 else top
         self.M = arb_mat([*top.tolist(), *(row for one in u[: self.depth] for row in one.tolist())])
+
+    def require_plant(self, c: Controller) -> None:
+        """Require that plant, disturbances, delay and model in these matrices are those of the case, up to rounding. Controller
+        and actuator are not checked."""
+        facts, case, x, x_m, r = c.fact("sampled"), c.case, self.x, self.x_m, self.r
+        A, E, J, N, first, free = (matrix(facts[name]) for name in ("A", "E", "J", "N", "first", "free"))
+        rows, inputs, commands = [*x, *x_m, *r], range(self.m), range(len(r))
+        placed = all(isinstance(row, int) and 0 <= row < self.s for row in rows) and len({*rows}) == len(rows)
+        sizes = len(x) == len(x_m) == self.n and len(r) == case.k_0.ncols() and self.m == case.m
+        require(placed and sizes, "x, x_m and r need rows of their own")
+        theta = fmpq_mat([[case.theta[i * case.m + j] for i in range(self.n)] for j in inputs])
+        gain = fmpq_mat([[case.gain[i] if i == j else fmpq(0) for j in inputs] for i in inputs])
+        pulled, one, model, of_r = case.b * theta, identity(self.s), *self.over(self.T, model=True)
+        near("x'", A, x, x, case.A_m + pulled, largest_entry(case.A_m) + largest_entry(pulled))
+        if all(path["actuator"] is None and path["multiplicative"] is None for path in case.facts["inputs"]):
+            near("x'", E, x, inputs, case.b * gain)
+            near("x'", A, x, [k for k in range(self.s) if k not in x])
+        near("the jump of x at a sample", J, x, range(self.s), fmpq_mat([one.tolist()[row] for row in x]))
+        near("the jump of x at a sample", N, x, commands)
+        near("x(0)", free, [*x, *x_m], [0], fmpq_mat([*case.x0.tolist(), *case.x0.tolist()]))
+        near("the first sample of r", first, [*x, *x_m], commands)
+        near("the model", matrix(facts["b_r"]), range(self.n), commands, case.b_r)
+        near("the model", J, x_m, x_m, model, arb(1))
+        near("the model", J, x_m, r, of_r)
+        near("the model", J, x_m, [k for k in range(self.s) if k not in (*x_m, *r)])
+        near("the model", N, x_m, commands)
+        for part in (N, first):
+            near("the held command", part, r, commands, identity(len(r)))
+        acting = [case.b] if case.facts["disturbance"] is not None else []
+        acting += [column(vector(each["direction"], self.n)) for each in case.facts["unmatched"]]
+        for k, direction in enumerate(acting):
+            B = matrix(facts["B"], self.s)
+            near("a disturbance", B, x, [k], direction)
+            near("a disturbance", B, [row for row in range(self.s) if row not in x], [k])
+        for path in case.facts["inputs"]:
+            late = abs(number(path["delay"]) - (self.whole + self.part) * self.T)
+            require(late <= ROUNDING * (self.T + number(path["delay"])), "the delay of the loop must be that of the input")
 
     def over(self, t: fmpq, model: bool = False) -> tuple[arb_mat, arb_mat]:
         """e^(A t) and its integral times E. With ``model``, the same for A_m and b_r."""
@@ -1430,6 +1488,21 @@ class SampledLoop:
         return found, [old + one for old, one in zip(error, sizes_of(s, form), strict=True)]
 
 
+def near(
+    what: str, M: fmpq_mat, rows: Iterable[int], columns: Iterable[int], wanted: Any = None, scale: fmpq | arb | None = None
+) -> None:
+    """Require that these entries of M are the wanted ones, or zero, up to rounding relative to ``scale``."""
+    size = arb(largest_entry(wanted) if wanted is not None and scale is None else scale or 0)
+    for i, row in enumerate(rows):
+        for j, at in enumerate(columns):
+            off = arb(M[row, at]) - (arb(0) if wanted is None else arb(wanted[i, j]))
+            require(bool(abs(off) <= size * arb(ROUNDING)), f"the matrices of the loop must agree with the case: {what}")
+
+
+def largest_entry(M: Any) -> Any:
+    return max(map(abs, M.entries()), default=fmpq(0))
+
+
 def side_by_side(parts: list[arb_mat]) -> arb_mat:
     """Matrices with the same number of rows, side by side."""
     return arb_mat([[one for row in rows for one in row] for rows in zip(*(part.tolist() for part in parts), strict=True)])
@@ -1467,13 +1540,14 @@ def _sampled_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
     require(case.linear and quiet, "a linear plant without noise is needed")
     for path in case.facts["inputs"]:
         require(path["quantization"] is None and path["rate_limit"] is None, "the input has a converter or a rate limit")
-    case.assumed["the matrices of the loop from sample to sample are the case's"] = None
+    case.assumed["the controller's and the actuator's parts of the loop from sample to sample are the case's"] = None
     acting = [
         one for one in (case.facts["disturbance"], *(each["signal"] for each in case.facts["unmatched"])) if one is not None
     ]
     loop, d = SampledLoop(c), [arb(case.bound_of_signal(one)) for one in acting]
     columns = 0 if loop.B is None else loop.B.ncols()
     require(columns == len(d), "B must have a column for each disturbance")
+    loop.require_plant(c)
     held, x, u = loop.bounds(case.command_bounds(), d, line["witness"])
     for path in case.facts["inputs"]:
         limits = path["saturation"]
@@ -1879,7 +1953,7 @@ def _error_limit(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 
 def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]]) -> list[str]:
-    """The keys that are claimed, if all lines hold."""
+    """The claimed keys, each with its value if that is a number, if all lines hold."""
     for i, line in enumerate(lines, start=1):
         key = str(line.get("key"))
         try:
@@ -1889,13 +1963,17 @@ def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]
             raise Refused(f"{name}, line {i}, {key}: {error}") from error
         except (ArithmeticError, AttributeError, KeyError, IndexError, RecursionError, TypeError, ValueError) as error:
             raise Refused(f"{name}, line {i}, {key}: it can't be read ({type(error).__name__}: {error})") from error
-    return [line["key"] for line in lines if line.get("claimed") is True]
+    return [said_of(line["key"], line.get("value")) for line in lines if line.get("claimed") is True]
+
+
+def said_of(key: str, value: Any) -> str:
+    return f"{key} = {value!r}" if isinstance(value, (int, float)) and not isinstance(value, bool) else key
 
 
 def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
     """Sentences on the accepted claims of each controller, and the assumptions. Refused names the first line that fails."""
     require(document.get("format") == FORMAT, f"the file is not a {FORMAT}")
-    said, assumed = [], dict[str, None]()
+    said, assumed = [f"case: {document['case']}"], dict[str, None]()
     with ctx.workprec(256):
         for name, facts in document["controllers"].items():
             accepted = list[str]()
@@ -1905,7 +1983,14 @@ def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
                 assumed |= case.assumed
             said.append(f"{name}: accepted: {', '.join(accepted) or 'nothing is claimed'}")
             said += [f"{name}: not in the proof: {sentence}" for sentence in facts["not in the proof"]]
+    said += [f"what is accepted holds only if {sentence}" for sentence in document["only if"]]
     return said, list(assumed)
+
+
+def without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    require(len(found) == len(pairs), "a key is repeated in one object")
+    return found
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -1915,7 +2000,8 @@ def main(arguments: list[str] | None = None) -> int:
         say("usage: barbalat-check FILE\n\n" + (__doc__ or "").strip())
         return 0 if given in (["-h"], ["--help"]) else 2
     try:
-        document = json.loads(Path(given[0]).read_text(encoding="utf-8"), parse_constant=number)
+        text_of_file = Path(given[0]).read_text(encoding="utf-8")
+        document = json.loads(text_of_file, parse_constant=number, object_pairs_hook=without_repetition)
     except (OSError, ValueError, RecursionError, Refused) as error:
         print(f"{given[0]}: {error}", file=sys.stderr)
         return 2

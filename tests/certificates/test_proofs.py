@@ -9,6 +9,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from barbalat.certificates.proof import proof
 from barbalat.cli import main
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.l1_norms.witness import witness
+from barbalat.problem.faults import Dropout
 from barbalat.validate import InputError
 from certificates.proof_attacks import attacks
 
@@ -249,6 +251,60 @@ def test_square_waves_of_any_phase_are_accepted_and_an_unknown_gain_is_refused(p
         found["lines"] = [line for line in every if line["key"] == key or not line["key"].startswith(dropped)]
         with pytest.raises(barbalat_check.Refused, match="the input's gain must be known"):
             barbalat_check.check(document)
+
+
+def test_the_premises_of_an_unknown_gain_and_of_nu_1_are_looked_up(certified):
+    document = document_of(*certified("paper"))
+    found = document["controllers"]["L1"]
+    bounds = {"error_bound", "error_bound_worst", "error_bound_command"}
+    found["lines"] = [line for line in found["lines"] if line["key"] not in bounds]
+    document["controllers"] = {"L1": found}
+    barbalat_check.check(document)
+    for key in ("nu_1", "nu_2", "reference_error_bound"):
+        others = {"nu_1", "nu_2", "reference_error_bound"} - {key}
+        alone = found | {"lines": [line for line in found["lines"] if line["key"] not in others]}
+        unprojected = alone | {"facts": alone["facts"] | {"projection": False}}
+        with pytest.raises(barbalat_check.Refused, match=f"{key}: theta_hat must be projected"):
+            barbalat_check.check(document | {"controllers": {"L1": unprojected}})
+        both = alone | {"facts": alone["facts"] | {"theta_hat0": [*alone["facts"]["theta_hat0"], 1.0]}}
+        for interval, why in (([0.5, 2.0], f"{key}: the input's gain must be known"), ([-5.0, 3.0], "gain must be positive")):
+            plant = document["plant"] | {"input_gain": {"lower": interval[:1], "upper": interval[1:]}}
+            lines = [line for line in both["lines"] if line["key"] not in ("nu_0", "nu_0_worst", "initial_parameter_error")]
+            with pytest.raises(barbalat_check.Refused, match=why):
+                barbalat_check.check(document | {"plant": plant, "controllers": {"L1": both | {"lines": lines}}})
+
+
+def test_the_matrix_of_a_closed_loop_model_belongs_to_that_scheme_alone(certified):
+    """With A_m - 100 I in place of A_m a much smaller bound would follow, also for an unstable A_m."""
+    document = document_of(*certified("paper"))
+    of_mrac = document["controllers"]["MRAC"]
+    facts = of_mrac["facts"] | {"L": [[-100.0, 0.0], [0.0, -100.0]], "P": [[100.0, 0.0], [0.0, 100.0]]}
+    lines = [
+        {"key": "lambda_min", "value": 99.9, "claimed": True},
+        {"key": "lyapunov", "value": True, "claimed": False},
+        {"key": "error_bound", "value": 0.51, "claimed": True},
+    ]
+    with pytest.raises(barbalat_check.Refused, match="mrac has no L"):
+        barbalat_check.check(document | {"controllers": {"MRAC": of_mrac | {"facts": facts, "lines": lines}}})
+
+
+def test_what_the_file_does_not_cover_is_said_and_nothing_unknown_is_read_over(certified, tmp_path, capsys):
+    case, certificates = certified("first-order")
+    document = document_of(case, certificates)
+    value = certificates["MRAC"].values["error_bound"]
+    said, _ = barbalat_check.check(document)
+    assert said[0] == f"case: {case.name}" and any(f"error_bound = {value!r}" in one for one in said)
+    assert not any("holds only if" in one for one in said)
+    lost = replace(case.problem, faults=(Dropout(times=((1.0, 1.1),)),))
+    written = json.loads(json.dumps(proof(case.name, lost, case.controllers, case.simulation, certificates)))
+    said, _ = barbalat_check.check(written)
+    assert "what is accepted holds only if every sample arrives as it was measured" in said
+    with pytest.raises(barbalat_check.Refused, match="these differ: shell"):
+        barbalat_check.check(document | {"plant": document["plant"] | {"shell": {}}})
+    file = tmp_path / "twice.json"
+    file.write_text(json.dumps(document).replace('"format":', '"format": "other", "format":'))
+    assert barbalat_check.main([str(file)]) == 2
+    assert "a key is repeated" in capsys.readouterr().err
 
 
 def test_weaker_numbers_follow_too(certified):

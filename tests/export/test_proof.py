@@ -151,7 +151,7 @@ MISRA = {
     "12.1": "each of the operations has two operands of the list, and comparisons bind looser in every one",
     "15.5": "refusals return early: fewer branches around the rest",
 }
-"""Rules of MISRA-C:2012 that cppcheck reports as violated. All are advisory or false reports. docs/guides/flight.md states the
+"""Rules of MISRA-C:2012 that cppcheck reports as violated. All are advisory or false reports. docs/laboratory/tests.md states the
 reasons."""
 
 

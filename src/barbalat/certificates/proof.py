@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx
 
+from barbalat.certificates.assumptions import unmet_by
 from barbalat.certificates.bounds import any_command, known_command
 from barbalat.certificates.bounds.laws import least_gain
 from barbalat.certificates.bounds.model import model_bounds, state_bounds
@@ -30,6 +31,7 @@ from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.l1_norms.witness import as_floats, witness
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.departures import apart_sentence, departures
 from barbalat.problem.known_set import KnownSet, ParameterBall
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Regressor, Terms
@@ -108,9 +110,17 @@ def proof(
     return {
         "format": FORMAT,
         "case": case,
+        "only if": _conditions(problem),
         "plant": plant,
         "controllers": {one.name: _of_controller(design, one, found[one.name], simulation) for one in controllers},
     }
+
+
+def _conditions(problem: TrackingProblem) -> list[str]:
+    """The conditions under which the guarantees of the design hold for the simulated loop, each as part of a sentence."""
+    found = [one.sentence for one in unmet_by(problem)]
+    apart = apart_sentence(departures(problem)) if isinstance(problem, Problem) else ""
+    return [*found, f"the plant is that of the design, but {apart}"] if apart else found
 
 
 def _of_controller(

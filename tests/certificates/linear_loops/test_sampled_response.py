@@ -171,7 +171,7 @@ def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name, path, d
     (of_controller,) = document["controllers"].values()
     lines = {line["key"]: line for line in of_controller["lines"]}
     said, _ = barbalat_check.check(document)
-    accepted = said[0].split("accepted: ")[1].split(", ")
+    accepted = [one.split(" = ")[0] for one in said[1].split("accepted: ")[1].split(", ")]
     assert {"error_bound_held", "state_bound", "control_bound", "error_bound"} <= set(accepted)
     assert {one.split(":")[0] for one in of_controller["not in the proof"]} <= {
         "reference_distance",
@@ -202,6 +202,32 @@ def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name, path, d
         refused(document | {"plant": document["plant"] | change}, "sampled response")
 
 
+@pytest.mark.parametrize("name", ["adrc", "known", "piecewise"])
+@pytest.mark.short(kept=lambda name: name == "adrc")
+def test_the_matrices_of_a_sampled_loop_must_be_those_of_the_case(name):
+    """The checker compares them with the plant, the delay, the disturbance and the model in the same file."""
+    problem = problem_of("a gain", reference=Square(amplitude=0.5, frequency=0.7), disturbance=Sine(amplitude=0.3, frequency=2.0))
+    controller, simulation = CONTROLLERS[name], Simulation(t_end=T_END, dt=DT)
+    document = json.loads(
+        json.dumps(proof("a case", problem, [controller], simulation, certify(problem, [controller], simulation)))
+    )
+    barbalat_check.check(document)
+    plant, (facts,) = document["plant"], (one["facts"] for one in document["controllers"].values())
+    twice = {key: (2 * np.array(plant[key])).tolist() for key in ("theta", "b", "gain", "k_0", "A_m")}
+    (path,) = plant["inputs"]
+    for key, change in {
+        **twice,
+        "x0": [0.5, 0.0],
+        "inputs": [path | {"delay": path["delay"] + 0.7}],
+        "unmatched": [{"direction": [1.0, 0.0], "signal": plant["disturbance"]}],
+    }.items():
+        refused(document | {"plant": plant | {key: change}}, "the case|the delay|a column for each disturbance")
+    rows = facts["sampled"]["rows"]
+    for change in ({"x": rows["x_m"]}, {"x": rows["x"][::-1]}, {"x_m": rows["x"]}):
+        facts["sampled"]["rows"] = rows | change
+        refused(document, "rows of their own|agree with the case")
+
+
 def test_the_checker_follows_a_command_with_a_single_jump_between_samples():
     problem, simulation = (
         problem_of("nothing", reference=Steps(times=(1.013,), values=(0.5,), initial=0.1)),
@@ -210,7 +236,7 @@ def test_the_checker_follows_a_command_with_a_single_jump_between_samples():
     found = certify(problem, [CONTROLLERS["known"]], simulation)
     document = json.loads(json.dumps(proof("a case", problem, [CONTROLLERS["known"]], simulation, found)))
     said, assumed = barbalat_check.check(document)
-    assert "error_bound," in said[0] + "," and any("one in all" in sentence for sentence in assumed)
+    assert "error_bound = " in said[1] and any("one in all" in sentence for sentence in assumed)
     (controller,) = document["controllers"].values()
     (line,) = [one for one in controller["lines"] if one["key"] == "error_bound"]
     line["value"] *= 0.998
