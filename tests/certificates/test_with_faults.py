@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from barbalat import certify
+from barbalat import certify, simulate
 from barbalat.cases.load import parse_case
-from barbalat.certificates.apart import FAULTS_NOTE, speaks_of_the_motion
+from barbalat.certificates.apart import FAULTS_NOTE, SHELL_NOTE
 from barbalat.certificates.certify import certified_case
+from barbalat.certificates.entry import speaks_of_the_motion
 from barbalat.certificates.summary import five
 
 CASE = """
@@ -82,6 +83,45 @@ def test_a_report_of_runs_with_faults_guarantees_nothing():
     assert not any(cell.kind == "guaranteed" for column in found.table.columns for cell in column.cells.values())
 
 
+SHELLS = {
+    "range": "range = { x_1 = [-0.5, 0.5] }",
+    "rate": "rate = { x_1 = 0.001 }",
+    "stuck": "stuck = { x_1 = 50.0 }",
+    "command": "range = { command = [-1.0, 1.0] }",
+}
+
+
+@pytest.mark.parametrize("name", SHELLS)
+def test_a_shell_that_may_reject_samples_guarantees_nothing_of_the_motion(name):
+    """Each of the first two shells and the last reject samples of this run, and the run then leaves the bound."""
+    shelled, plain = heater(faults=f"[shell]\n{SHELLS[name]}\n"), heater()
+    without = certify(plain.problem, plain.controllers, plain.simulation)
+    found = certify(shelled.problem, shelled.controllers, shelled.simulation)
+    reported = certified_case(shelled.problem, shelled.controllers, shelled.simulation).certificates
+    assert {key: one["fixed"].entry("error_bound").kind for key, one in {"with": found, "without": without}.items()} == {
+        "with": "guaranteed for the design",
+        "without": "guaranteed",
+    }
+    for certificates in (found, reported):
+        assert not any(speaks_of_the_motion(entry) for one in certificates.values() for entry in one.entries)
+        assert all(SHELL_NOTE in one.notes for one in certificates.values())
+    said = lines_of(found, "fixed")
+    assert said["bound of e"].startswith("guaranteed for the design")
+    assert said["assumed"].startswith("fails here: ") and "the shell may reject samples, see the notes" in said["assumed"]
+    cells = [cell for column in found.table.columns for cell in column.cells.values()]
+    assert not any(cell.kind == "guaranteed" for cell in cells)
+    if name != "stuck":
+        (run,) = simulate(shelled.problem, shelled.controllers[:1], shelled.simulation).values()
+        assert abs(run.e).max() > found["fixed"].entry("error_bound").value
+
+
+def test_a_shell_without_checks_of_samples_keeps_the_guarantees():
+    """It acts only after lost samples, and without faults none is lost."""
+    case = heater(faults="[shell]\nlongest_outage = 20.0\n")
+    found = certify(case.problem, case.controllers, case.simulation)["fixed"]
+    assert "error_bound" in found.guaranteed and SHELL_NOTE in found.notes
+
+
 @pytest.mark.parametrize("sampled", [True, False])
 def test_an_unstable_loop_with_its_law_is_named(sampled):
     """The loop is stable with frozen estimates and unstable with the law, so no margin is called unknown."""
@@ -105,8 +145,6 @@ def test_an_unstable_loop_with_its_law_is_named(sampled):
 def test_the_loop_that_is_called_unstable_is_unstable():
     """A small deviation from the equilibrium grows by the eigenvalue over many samples of a run."""
     import numpy as np
-
-    from barbalat import simulate
 
     grown = {}
     for gamma in (0.02, 0.2):

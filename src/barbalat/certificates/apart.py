@@ -10,7 +10,7 @@ from barbalat.certificates.assumptions import unmet_by
 from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certificates import column_of
-from barbalat.certificates.entry import NUMBERS_ALONE, OF_THE_DESIGN, Entry, of_the_design
+from barbalat.certificates.entry import OF_THE_DESIGN, Entry, of_the_design, speaks_of_the_motion
 from barbalat.problem.departures import Departure, apart_sentence, departures, sets_and_truth, true_parameters
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -18,12 +18,6 @@ from barbalat.protocols import Controller
 
 Compute = Callable[[TrackingProblem, Controller], Certificate]
 """A controller's certificate on a problem."""
-
-
-def speaks_of_the_motion(entry: Entry) -> bool:
-    """Whether an entry is a statement about the motion. Norms and conditions are not: they follow from the numbers of the case,
-    and runs cannot contradict them."""
-    return entry.kind == "guaranteed" and entry.value is not None and entry.rests_on != (NUMBERS_ALONE,)
 
 
 @dataclass(frozen=True)
@@ -128,6 +122,10 @@ FAULTS_NOTE = (
     "the case has faults: all numbers are for the loop without them, in which every sample arrives as it was measured; with them "
     "nothing is guaranteed"
 )
+SHELL_NOTE = (
+    "the case has a [shell]: all guarantees are for the loop in which the shell rejects no sample; nothing is guaranteed from "
+    "the first rejected sample on"
+)
 
 
 def _claims_more(entry: Entry) -> bool:
@@ -141,6 +139,8 @@ def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate]
     shared = [] if derived is None else list(derived.sentences)
     if problem.faults:
         shared.append(FAULTS_NOTE)
+    if problem.shell is not None:
+        shared.append(SHELL_NOTE)
     if found is not None and found.sentence:
         shared.append(found.sentence)
     noted = {}

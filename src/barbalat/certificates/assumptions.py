@@ -68,6 +68,7 @@ def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assu
 
 
 NO_FAULTS = Assumption("every sample arrives as it was measured", "the case has faults, see the notes")
+EVERY_SAMPLE = Assumption("the shell uses every sample", "the shell may reject samples, see the notes")
 WHOLE_RANGES = Assumption(
     "the known set contains every theta that the parameters' ranges allow",
     "the parameter ranges exceed the set given in the case; see the notes",
@@ -79,6 +80,8 @@ def unmet_by(problem: TrackingProblem) -> list[Assumption]:
     """The assumptions that restrict a case's guarantees to its design, apart from its [truth]."""
     derived = problem.derived if isinstance(problem, Problem) else None
     unmet = [NO_FAULTS] if problem.faults else []
+    if problem.shell is not None and problem.shell.checks_samples:
+        unmet.append(EVERY_SAMPLE)
     if derived is not None and derived.outside:
         unmet.append(WHOLE_RANGES)
     if derived is not None and derived.around:

@@ -8,10 +8,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from barbalat import budget
-from barbalat.certificates.apart import apart, further_blocks, speaks_of_the_motion, with_notes
+from barbalat.certificates.apart import apart, further_blocks, with_notes
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.certificates import Certificates, Table1, column_of, file_of, table_1
+from barbalat.certificates.entry import speaks_of_the_motion
 from barbalat.certificates.linear_loops.over_ranges import with_margins_over_ranges
 from barbalat.certificates.requested_keys import needing
 from barbalat.certificates.schemes.sampled_loop import linear_because
@@ -113,16 +114,12 @@ def certify_where_possible(
 
 
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
-    """Certify loops in which every sample is used; with a shell, a note states this."""
+    """Certify loops in which every sample arrives and is used."""
     equations = bound(problem, controller)  # rejects a controller that does not fit
     found = _of_nominal(problem.nominal, controller, simulation)
     equations = equations.continuous if isinstance(equations, DiscretizedEquations) else equations
     assumed = equations.assumed if isinstance(equations, Assuming) else None
-    notes = [said for said in (assumed, None if problem.shell is None else SHELL_NOTE) if said is not None]
-    return found.with_entries(found.entries, *notes) if notes else found
-
-
-SHELL_NOTE = "the guarantees hold as long as the shell rejects no sample"
+    return found if assumed is None else found.with_entries(found.entries, assumed)
 
 
 def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:

@@ -13,8 +13,9 @@ Kind = Literal["guaranteed", "guaranteed for the design", "exact", "estimate", "
 """How far a value can be trusted.
 
 guaranteed                a bound or a statement that holds for this case; every assumption was checked
-guaranteed for the design  the same for the plant, the declared sets and the loop without faults, but not for the simulated plant
-                          ([truth]); with a user's own set, it does not cover all of the parameters' ranges
+guaranteed for the design  the same for the plant, the declared sets and the loop in which every sample arrives and is used, but
+                          not for the simulated plant ([truth]), faults or a shell that rejects samples; with a user's own set,
+                          it does not cover all of the parameters' ranges
 exact                     exact for the linear loop that ``of`` names, and for no other loop
 estimate                  computed, without a guarantee
 advice                    a fact for orientation, without a claim about the loop
@@ -142,6 +143,12 @@ class Entry:
         document |= {"assumptions": list(self.assumptions)} | ({"of": self.of} if self.of else {})
         document |= {"rest": self.rest.as_json()} if self.rest is not None else {}
         return document | {"why": self.why} | ({"theorem": self.theorem} if self.theorem else {})
+
+
+def speaks_of_the_motion(entry: Entry) -> bool:
+    """Whether an entry is a guarantee about the motion. Norms and conditions are not: they follow from the numbers of the case,
+    and runs cannot contradict them."""
+    return entry.kind == "guaranteed" and entry.value is not None and entry.rests_on != (NUMBERS_ALONE,)
 
 
 def of_the_design(entry: Entry, *unmet: Assumption) -> Entry:

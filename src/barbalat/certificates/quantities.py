@@ -41,7 +41,7 @@ class Quantity(NamedTuple):
 QUANTITIES = {
     "nu_0": Quantity("|theta_tilde(0)|/sqrt(lambda_min(P))", timeless=True),
     "nu_0_worst": Quantity("the same for the worst theta of the known set", timeless=True),
-    "initial_parameter_error": Quantity("|theta_tilde(0)|"),
+    "initial_parameter_error": Quantity("|theta_tilde(0)|", timeless=True),
     "P": Quantity("P A_m + A_m'P = -I, row by row", form=Form.MATRIX),
     "lambda_min": Quantity("of P, from below", below=True, timeless=True),
     "theta_max": Quantity("largest |theta|_1 of the known set", timeless=True),

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import MOST_SHOWN, OF_THE_DESIGN, Entry
+from barbalat.certificates.entry import MOST_SHOWN, OF_THE_DESIGN, Entry, speaks_of_the_motion
 from barbalat.certificates.linear_loops.margin_values import UNSTABLE_WITH_LAW
 from barbalat.certificates.rows import said_of, up
 from barbalat.pictures.symbols import held
@@ -165,7 +165,7 @@ NOT_THE_PLANT = "the simulated plant differs from the design's, see the notes"
 
 def _assumed(column: Column, certificate: Certificate) -> Line:
     """Return the line on the assumptions of the values and of the cells of Table 1; for a scheme without a bound, the assumptions
-    are in the cells."""
+    are in the cells. Assumptions of guarantees hold; those that fail are the reason why further values are missing."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
     asked = (assumption for entry in stated if not entry.applies for assumption in entry.rests_on)
@@ -176,9 +176,11 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
         for broken in [one.broken for one in entry.rests_on if one.broken] or [NOT_THE_PLANT]
     ]
     broken = ", ".join(dict.fromkeys(filter(None, [*(assumption.broken for assumption in asked), *apart])))
-    if broken:
+    guaranteed = any(speaks_of_the_motion(entry) and not entry.quantity.timeless for entry in stated)
+    if broken and not guaranteed:
         return Line("assumed", f"fails here: {broken}", "does not apply")
     if not claimed:
         return Line("assumed", "nothing, since nothing is guaranteed", "")
     kept = "one assumption, which holds" if len(claimed) == 1 else f"{len(claimed)} assumptions, all of which hold"
-    return Line("assumed", f"{kept} on this case", "guaranteed")
+    missing = f"; further values are not guaranteed, because their assumptions fail: {broken}" if broken else ""
+    return Line("assumed", f"{kept} on this case{missing}", "guaranteed")

@@ -81,6 +81,11 @@ class Shell(Settings):
             freeze(self, jitter=validate.positive("shell.jitter", self.jitter))
         self._require_together()
 
+    @property
+    def checks_samples(self) -> bool:
+        """Whether it may reject a measurement or a command because of its value."""
+        return any(getattr(self, name) for name in CHECKS)
+
     def _require_together(self) -> None:
         """Raise InputError for keys that require another key."""
         if self.jitter is not None and not LEAST_BAND <= self.jitter < WIDEST_BAND:

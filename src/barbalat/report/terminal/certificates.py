@@ -16,7 +16,10 @@ from barbalat.report.terminal.layout import Screen
 
 GROUPS = {
     "guaranteed": ("Guaranteed for this case", "green"),
-    "guaranteed for the design": ("Guaranteed for the design, not for the simulated plant ([truth]) or with faults", "yellow"),
+    "guaranteed for the design": (
+        "Guaranteed for the design: not for the simulated plant ([truth]), with faults, or after a rejected sample",
+        "yellow",
+    ),
     "exact": ("Exact for the named linear loop only", "green"),
     "estimate": ("Estimates, without a guarantee", ""),
     "searched": ("Smallest margins found over the known set or the parameters' ranges, without a guarantee", ""),
