@@ -180,7 +180,7 @@ def at_instants(t: Array, instants: Sequence[float]) -> Array:
     """Return the indices of recorded instants, (k,) of (K,). Raises ValueError for an instant that was not recorded."""
     at = np.array([np.abs(t - instant).argmin() for instant in instants])
     if not np.allclose(t[at], instants, rtol=1e-9, atol=1e-9):  # rounding errors of the instants
-        raise ValueError(f"not recorded: {instants}, nearest {t[at]}")
+        raise ValueError(f"the instants {instants} were not all recorded; the nearest recorded ones are {t[at]}")
     return at
 
 

@@ -37,8 +37,8 @@ def loss_of_learning(runs: Runs) -> Claim:
             sentence.reads(nearest < 0.5, f"at h = 1e-5 s, without numerical instability, the estimates stay at least "
             f"{nearest:.2g} away during all 60 s", 1),
         ),
-        shows=f"At Figure 3's step the estimates end up to {spread[0]:.2g} away from theta; at a step without instability they "
-        f"still stay at least {distances[1]:.2g} away.",
+        shows=f"At Figure 3's step the estimates are up to {spread[0]:.2g} away from theta in the last 15 s; at a step without "
+        f"instability they still stay at least {distances[1]:.2g} away.",
         measured=        f"|theta_hat - theta*| over the last 15 s: {distances[0]:.2g} to {spread[0]:.2g} at h = 1e-4 s, "
         f"{distances[1]:.2g} to {spread[1]:.2g} at h = 1e-5 s, and {distances[2]:.2g} to {spread[2]:.2g} for the robust MRAC. "
         "With this gain the estimates do not converge in 60 s, with or without oscillation",

@@ -342,7 +342,7 @@ def _sweep_rate(result: Result) -> Array:
 def _swept(result: Result) -> str:
     least, most = of_run(result, "theta_hat_tail_min"), of_run(result, "theta_hat_tail_max")
     return (
-        f"the tail ranges from {numbers(least)} to {numbers(most)}; the total variation amounts to "
+        f"in the tail they range from {numbers(least)} to {numbers(most)}; their total variation amounts to "
         f"{numbers(_sweep_rate(result))} full sweeps per s"
     )
 

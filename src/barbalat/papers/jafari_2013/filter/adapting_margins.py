@@ -187,7 +187,7 @@ def _gain_map(ratios: Array) -> Map:
         key="filter-gain-margin",
         title="The filter's effect on the gain margin of the adapting loop",
         caption=(
-            "The same for the gain margin k: the map shows k - 1 with the filter divided by k - 1 without it. The filter "
+            "This map shows the same for the gain margin k: k - 1 with the filter divided by k - 1 without it. The filter "
             "increases the loop's relative degree, so the resonance of the adaptation tolerates less gain, however fast the "
             "adaptation is."
         ),

@@ -241,9 +241,9 @@ def _table(contestants: list[Controller], measured: dict[str, TailErrors]) -> Li
             short(1e3 * m.largest_delay), f"{m.at_paper:.2g}", _lost_from(m.plain), _lost_from(m.delayed),
         ))  # fmt: skip
     return Listing(
-        f"Margins and peaks: exact, for the linear loop that the scheme is or tends to (MRAC and robust MRAC: estimates fixed "
-        f"at theta; L1-AC: limit of fast adaptation). mu: exact at the frequencies tried. Bound: guaranteed, over the set. The "
-        f"last four columns are simulated; a controller counts as tracking while its tail error stays below "
+        f"Margins and peaks are exact for the linear loop that the scheme is or tends to (MRAC and robust MRAC: estimates "
+        f"fixed at theta; L1-AC: limit of fast adaptation). mu is exact at the frequencies tried. The bound is guaranteed over "
+        f"the set. The last four columns are simulated; a controller counts as tracking while its tail error stays below "
         f"{UNFOLLOWED_SHARE:g} of the "
         f"model's amplitude",
         (

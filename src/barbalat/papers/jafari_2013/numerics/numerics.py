@@ -33,8 +33,8 @@ def come_and_go(runs: Runs) -> Claim:
             sentence.reads(gone, f"{numbers(rates[0])} per s at Figure 3's step and {numbers(rates[1])} at Figure 4's"),
             sentence.reads(back, f"{numbers(rates[2])} per s at Figure 5's gain", 1),
         ),
-        shows=f"The estimates vary by {rates[0][0]:.3g} per s in Figure 3, by {rates[1][0]:.2g} at a tenth of the step, by "
-        f"{rates[2][0]:.3g} in Figure 5.",
+        shows=f"The estimates vary by {rates[0][0]:.3g} per s in Figure 3, by {rates[1][0]:.2g} at a tenth of the step, and "
+        f"by {rates[2][0]:.3g} in Figure 5.",
         measured=        f"variation of the estimates in the tail: {span(rates[0])} per s at Figure 3's gain and step, "
         f"{span(rates[1])} at Figure "
         f"4's step, {span(rates[2])} at Figure 5's gain",

@@ -45,11 +45,11 @@ def boundary(runs: Runs) -> Claim:
         sentence=sentence,
         readings=(sentence.reads(as_predicted, f"L1-AC {span(ratios[0])} and MRAC {span(ratios[1])} times the predicted gain; "
         f"the gain varies as h^{exponent:.2f}"),),
-        shows=f"The oscillations begin at {ratios.min():.2f} to {ratios.max():.2f} times the predicted gain, at {len(steps)} "
-        f"steps of RK4, with and without the filter.",
+        shows=f"The oscillations begin at {ratios.min():.2f} to {ratios.max():.2f} times the predicted gain, for {len(steps)} "
+        f"step sizes of RK4, with and without the filter.",
         measured=        f"the observed gain is {span(ratios[0])} (L1-AC) and {span(ratios[1])} (MRAC) times the predicted one, "
-            f"at {len(steps)} steps, and falls as h^{exponent:.2f}. In the map, {agree.sum()} of {agree.size} cells are as "
-            f"predicted. The prediction is a little early: at the crest of |x| the loop has some damping",
+            f"for {len(steps)} step sizes, and falls as h^{exponent:.2f}. In the map, {agree.sum()} of {agree.size} cells are as "
+            f"predicted. The predicted gain is a little low, because the loop has some damping at the crest of |x|",
         how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s. The onset is the gain from "
             f"which the estimates vary by more than {SWEEP_RATE:g} per s, which is one sweep of the box there and back",
         maps=(shown,),

@@ -33,7 +33,8 @@ def stiffness() -> Claim:
     readings = (
         sentence.reads(bool((decay[1:] > GROWTH * decay[:-1]).all()), f"the fastest decay is {decay[0]:.3g} 1/s at Gamma = {GAINS[0]:g} and {decay[-1]:.3g} 1/s at {GAINS[-1]:g}"),
         Reading(
-            "stiff in the sense of Hairer and Wanner: stability limits an explicit step, here because of a frequency",
+            "stiff is meant in the sense of Hairer and Wanner: stability limits the step of an explicit method, here because of "
+            "a frequency",
             bool((size[1:] > GROWTH * size[:-1]).all()),
             f"the largest |lambda| goes from {size[0]:.3g} to {size[-1]:.3g} rad/s, as Gamma^{exponents[1]:.2f}",
         ),

@@ -122,7 +122,7 @@ def claim(*, full: bool = False) -> Claim:
         shows=f"One nu = {nu.max():.3g} is sufficient for every tau and size tried; the smallest nu falls to "
         f"{nu[:, -1].max():.3g} as tau falls to {TAUS[-1]:g} s.",
         measured=        f"the remaining |e| at fixed tau varies as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one "
-        f"nu = {nu.max():.3g} is sufficient for every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
+        f"nu = {nu.max():.3g} is sufficient for every run, with Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
         f"With the command of Section V, a single sine, {_one_frequency()}",
         how=f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, {MENDED}, RK4, h = {STEP:g} s, {t_end:g} s, tau = "
         f"{span(TAUS)} s, mu = {span(SIZES)} s, as Delta_m = -mu s and as a delay; with Section V's alpha_0 = 0 and with (16), "

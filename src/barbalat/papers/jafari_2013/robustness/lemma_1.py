@@ -61,9 +61,9 @@ def bounded(runs: dict[float, Along]) -> Claim:
         f"first"),),
         shows=f"Along runs with mu up to {max(runs):g} s the suprema of the second half are at most {grown:.2f} times those of "
         f"the first.",
-        measured=        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
-            f"{halves['error'].max():.3g}, |theta_hat_i| {halves['theta_hat'].max():.3g} and |theta_hat'| "
-            f"{halves['rate'].max():.3g}. In the second half of a run the supremum of theta_hat is at most "
+        measured=        f"for mu up to {max(runs):g} s the largest values are {halves['epsilon'].max():.3g} (|epsilon|), "
+            f"{halves['error'].max():.3g} (|epsilon m_s|), {halves['theta_hat'].max():.3g} (|theta_hat_i|) and "
+            f"{halves['rate'].max():.3g} (|theta_hat'|). In the second half of a run the supremum of theta_hat is at most "
             f"{growth['theta_hat']:.3g} times that of the first half, and those of the others at most "
             f"{max(value for name, value in growth.items() if name != 'theta_hat'):.2g} times",
         how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "evaluated at 3000 instants; the reading is that no supremum "

@@ -195,7 +195,7 @@ class TauTradeOff:
         return Chart(
             key=f"tau-error-{self.key}",
             title=f"The error along the boundary: {self.title}",
-            caption=f"The cost of the smallest τ: the largest |e| in the last quarter of runs over "
+            caption=f"The chart shows the cost of the smallest τ: the largest |e| in the last quarter of runs over "
             f"{BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ at the observed boundary. Below this boundary runs "
             f"are lost. Away from the largest sizes the error is proportional to τ.",
             x=ChartAxis(self.axis, SIZES, logarithmic=True),

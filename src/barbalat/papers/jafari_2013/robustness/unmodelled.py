@@ -95,7 +95,7 @@ def compared_with_rohrs() -> tuple[tuple[Reading, ...], Listing]:
     lost, kept = partial(_text, wide), KAPPAS[1]
     readings = (
         Reading(
-            "they can also diverge on Rohrs' plant (which the paper does not name), |theta| <= 20",
+            "they can also diverge on Rohrs' plant, which the paper does not name, with |theta| <= 20",
             bool(np.isfinite(wide[None]).any() and np.isfinite(wide[KAPPAS[0]]).any()),
             f"{lost(None)}; {lost(KAPPAS[0])}. The frozen loops are stable with theta_hat up to {largest_gain(None):.3g} and "
             f"{largest_gain(KAPPAS[0]):.3g}. With |theta| <= {NARROW_BOUND:g}, "

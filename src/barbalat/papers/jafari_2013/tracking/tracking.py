@@ -124,12 +124,12 @@ def best_at_zero() -> Claim:
     sentence = SENTENCES["best-kappa-zero"]
     readings = (
         sentence.reads(
-            bool((np.diff(bounds) < 0).all()), f"{bounds[-1]:.2g} without a filter and {bounds[-2]:.3g} with the fastest"
+            bool((np.diff(bounds) < 0).all()), f"{bounds[-1]:.2g} without a filter and {bounds[-2]:.3g} with the fastest filter"
         ),
         Reading(
             "the error itself is also smallest without a filter",
             bool((np.diff(errors) < 0).all()),
-            f"{errors[-1]:.2g} without a filter and {errors[-2]:.3g} with the fastest",
+            f"{errors[-1]:.2g} without a filter and {errors[-2]:.3g} with the fastest filter",
             "beside",
         ),
     )
