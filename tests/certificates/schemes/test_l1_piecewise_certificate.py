@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 from barbalat import (
     L1PiecewiseConstant,
+    ParameterBox,
     Plant,
     Problem,
     ReferenceModel,
@@ -67,6 +68,26 @@ def test_the_delay_margin_is_where_a_simulation_begins_to_grow(form):
         assert delay % laws[form].sample_time > dt / 2
         late = replace(problem, plant=replace(problem.plant, input=replace(problem.plant.input, delay=delay)))
         assert grows(late, laws[form], dt) == lost
+
+
+@pytest.mark.parametrize(("reach", "lost"), [(0.3, False), (9.0, True)])
+def test_margins_over_the_known_set_are_those_of_its_plants(reach, lost):
+    """At the worst theta found, the certificate of that plant alone states the same delay margin, or an unstable loop."""
+    problem = Problem(
+        plant=Plant(A=[[0.0, 1.0], [0.0, -4.0]], b=[0.0, 60.0], A_m=[[0.0, 1.0], [-25.0, -8.0]], input=PlantInput(delay=0.008)),
+        reference_model=ReferenceModel(k_0=25 / 60),
+        reference=Constant(1.0),
+    )
+    own = problem.plant.theta
+    over = replace(problem, uncertainty=ParameterBox(lower=own - reach * np.abs(own), upper=own + reach * np.abs(own)))
+    law = L1PiecewiseConstant(sample_time=0.01, filter=input_filter(kappa=0.05))
+    (loop,) = certified(over, law, "margins_over_known_set").values["margins_over_known_set"]
+    assert ("unstable_at" in loop) == lost
+    worst = loop["unstable_at"] if lost else loop["delay_margin"]["theta"]
+    moved = Plant(A_m=problem.plant.A_m, b=problem.plant.b, theta=worst, input=problem.plant.input)
+    found = certified(replace(problem, plant=moved), law, "spectral_radius", "delay_margin").values
+    assert (found["spectral_radius"] >= 1) == lost
+    assert lost or found["delay_margin"] == pytest.approx(loop["delay_margin"]["value"], rel=1e-9)
 
 
 @pytest.mark.parametrize("form", [0, 1])

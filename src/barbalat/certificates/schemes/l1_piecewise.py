@@ -29,6 +29,7 @@ from barbalat.certificates.assumptions import bounded_command, exact_plant, meas
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import finite
@@ -148,6 +149,8 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, simulation: S
     bounded_response.add(draft, problem, controller, simulation.t_end)
     if add_loop(draft, problem, found, LINEAR_CONTROLLER):
         add_noise(draft, problem, found, np.eye(len(found.loop.A))[:, found.rows["measured"]], LINEAR_CONTROLLER)
+        if problem.plant.inputs == 1:
+            over_known_set.add_sampled(draft, problem, found)
     _add_reference(draft, problem, controller)
     return draft.finish()
 
