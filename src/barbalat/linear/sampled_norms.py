@@ -20,9 +20,9 @@ TAIL_SHARE = 1e-3
 """Fraction of the sum below which the tail is negligible for a bound."""
 MOST_SAMPLES = 4_000_000
 """Largest number of summed samples; a loop that decays more slowly has no bound."""
-PROVEN_SHARE, CERTAIN_SHARE = 1e-4, 0.999
-"""Approximate fraction of a sum that a proof omits, and fraction of the decay that it uses."""
-MOST_PROVEN = 12_000
+CERTAIN_SHARE = 0.999
+"""Fraction of the decay that a proof uses."""
+MOST_PROVEN = 24_000
 """Largest number of samples that ``barbalat-check`` follows."""
 BLOCK_SAMPLES = 64
 """Number of samples that are summed together."""
@@ -31,11 +31,15 @@ TOO_CLOSE = "the sampled-data loop is too close to instability, or its states di
 
 @dataclass(frozen=True, eq=False)
 class SampledNorms:
-    """Norms of the sampled system with the matrices M (s, s) and C (p, s); a tail is at most ``share`` of the largest norm."""
+    """Norms of the sampled system with the matrices M (s, s) and C (p, s).
+
+    proven  the number of samples that a proof follows, a multiple of ``BLOCK_SAMPLES``; by default as many as are needed for a
+            tail of at most ``TAIL_SHARE`` of the largest norm
+    """
 
     M: Array
     C: Array
-    share: float = TAIL_SHARE
+    proven: int | None = None
 
     def summed(self, s: Array) -> Array:
         """sum_k |C M^k s|, (p,), or (p, q) for q columns s: the largest effect of an input of size 1 on y, with s = N."""
@@ -64,6 +68,8 @@ class SampledNorms:
         if not np.abs(np.linalg.eigvals(M)).max() < 1:
             raise InputError("the discrete-time loop is unstable")
         root, lost = _contraction(M)
+        if self.proven is not None:
+            lost = _of_share(_share(lost) * CERTAIN_SHARE)
         reach = np.linalg.norm(np.linalg.solve(root.T, C.T), axis=0) / lost
         rows = [C]
         for _ in range(BLOCK_SAMPLES - 1):
@@ -74,7 +80,8 @@ class SampledNorms:
             found = np.linalg.norm([found, np.linalg.norm(block @ s, order, axis=0)], order, axis=0)
             s = jump @ s
             tail = np.multiply.outer(reach, np.linalg.norm(root @ s, axis=0))
-            if (tail <= self.share * found.max(initial=0.0)).all():
+            short = (tail <= TAIL_SHARE * found.max(initial=0.0)).all()
+            if short if self.proven is None else followed == self.proven:
                 return np.asarray((found + tail) * OUTWARD_FACTOR), followed
         raise InputError("the loop's transients decay too slowly for a bound")
 
@@ -94,24 +101,26 @@ def _contraction(M: Array) -> tuple[Array, float]:
     q = float(np.linalg.eigvalsh(P - M.T @ P @ M)[0]) - float(np.linalg.norm(roundings))
     if not q > 0:
         raise InputError(TOO_CLOSE)
-    share = min(1.0, q / float(np.linalg.norm(root, 2)) ** 2)
-    return root, share / (1 + math.sqrt(1 - share))
+    return root, _of_share(min(1.0, q / float(np.linalg.norm(root, 2)) ** 2))
 
 
-def contraction_witness(M: Array, samples: int) -> dict[str, Any]:
-    """P and a share with M'PM < (1 - share) P, and a number of samples well beyond ``samples``; raises InputError if there are
-    none."""
+def _of_share(share: float) -> float:
+    """1 - beta for beta^2 = 1 - share."""
+    return share / (1 + math.sqrt(1 - share))
+
+
+def _share(lost: float) -> float:
+    return lost * (2 - lost)
+
+
+def contraction_witness(M: Array) -> dict[str, Any]:
+    """P and a share with M'PM < (1 - share) P; raises InputError if there are none."""
     from scipy.linalg import matrix_balance
 
     balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)
-    root, left = _contraction(balanced)
+    root, lost = _contraction(balanced)
     P = (root.T @ root) / np.outer(scale, scale)
-    share = (1 - (1 - left) ** 2) * CERTAIN_SHARE
-    if samples > MOST_PROVEN:
-        raise InputError(f"a proof would need {samples} samples, more than the limit of {MOST_PROVEN}")
-    slowest = float(np.abs(np.linalg.eigvals(M)).max())
-    beyond = math.ceil(math.log(TAIL_SHARE / PROVEN_SHARE) / -math.log(slowest))
-    return {"P": ((P + P.T) / 2).tolist(), "share": share, "samples": samples + beyond}
+    return {"P": ((P + P.T) / 2).tolist(), "share": _share(lost) * CERTAIN_SHARE}
 
 
 def grown(A: Array, T: float) -> Array:

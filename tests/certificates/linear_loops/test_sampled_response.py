@@ -228,6 +228,19 @@ def test_the_matrices_of_a_sampled_loop_must_be_those_of_the_case(name):
         refused(document, "rows of their own|agree with the case")
 
 
+@pytest.mark.dear
+def test_a_proof_follows_as_many_samples_as_its_bounds_need():
+    """The observer is fast and the loop slow, so the remainder of a sum is far above what the slowest eigenvalue suggests."""
+    plant = Plant(A_m=[[0.0, 1.0], [-0.3, -1.0]], b=[0.0, 1.0], theta=[4.0, -3.0], x0=[1.0, 1.0])
+    problem = Problem(
+        plant=plant, reference_model=ReferenceModel(k_0=4.0), reference=Sine(amplitude=5.0, frequency=0.5), uncertainty=None
+    )
+    controller, simulation = Sampled(Adrc(bandwidth=50.0), 0.01), Simulation(t_end=1.0, dt=1e-3)
+    document = proof("a case", problem, [controller], simulation, certify(problem, [controller], simulation))
+    said, _ = barbalat_check.check(json.loads(json.dumps(document)))
+    assert all(f"{key} = " in said[1] for key in KEYS)
+
+
 def test_the_checker_follows_a_command_with_a_single_jump_between_samples():
     problem, simulation = (
         problem_of("nothing", reference=Steps(times=(1.013,), values=(0.5,), initial=0.1)),

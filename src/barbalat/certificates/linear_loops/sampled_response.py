@@ -35,7 +35,7 @@ from barbalat.certificates.linear_loops.at_rest import estimates_of, rows_of, wi
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.sampled_loop import SampledLoop
-from barbalat.linear.sampled_norms import PROVEN_SHARE, TAIL_SHARE, SampledNorms, contraction_witness, grown
+from barbalat.linear.sampled_norms import BLOCK_SAMPLES, MOST_PROVEN, SampledNorms, contraction_witness, grown
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
 from barbalat.problem.state_feedback import Problem
@@ -47,6 +47,10 @@ PARTS = 16
 """Number of parts of a sample; the motion is exact at their ends."""
 BENDS = PARTS, 4, 1
 """Numbers of parts that share a bound on x'' in a proof; the fewer bounds there are, the faster the proof is checked."""
+MORE_SAMPLES = 1.0, 1.25, 1.6, 2.0, 3.0
+"""Numbers of samples that a proof may follow, as multiples of the number that the bound needs."""
+ROUNDINGS, ROOM = 1 + 1e-9, 1 + 5e-10
+"""Factors that cover the rounding errors of the sums in a bound, and those of the check whether a proof shows it."""
 TRAPEZOIDS = 4
 """Number of parts into which a proof divides a sample to bound the effect of a disturbance."""
 
@@ -97,14 +101,16 @@ def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Re
     return _response(problem, _whole(problem, controller), r, d)
 
 
-def _response(problem: Problem, whole: _Whole, r: Array, d: Array, bends: int | None = None) -> Response:
-    """The bounds; with ``bends``, those that ``barbalat-check`` finds if this number of parts share a bound on x''."""
+def _response(
+    problem: Problem, whole: _Whole, r: Array, d: Array, bends: int | None = None, proven: int | None = None
+) -> Response:
+    """The bounds; with ``bends``, those that ``barbalat-check`` finds if this number of parts share a bound on x'' and it follows
+    ``proven`` samples."""
     loop, M = whole.loop, whole.loop.closed(problem.delay)
     reached, weights = (_reached if bends is None else _trapezoids)(loop.A, whole.B, loop.T)
-    share = TAIL_SHARE if bends is None else PROVEN_SHARE
 
     def largest(C: Array) -> Array:
-        norms, free = SampledNorms(M, C, share), _padded(whole.free[:, None], M)
+        norms, free = SampledNorms(M, C, proven), _padded(whole.free[:, None], M)
         of_r = norms.summed(_padded(whole.N, M)) + norms.largest(_padded(whole.first, M))
         found = of_r @ r + norms.largest(free)[:, 0]
         if len(d):
@@ -113,7 +119,8 @@ def _response(problem: Problem, whole: _Whole, r: Array, d: Array, bends: int | 
 
     within = (np.abs(reached[whole.rows["x"]]) @ weights @ d if len(d) else np.zeros(len(whole.A_m))) * 2
     held, x, u = _at_all_times(whole, problem.delay, M, largest, bends or 1)
-    return Response(*(float(one.max()) * OUTWARD_FACTOR for one in (held + within, x + within, u)))
+    outward = ROUNDINGS if bends is None else OUTWARD_FACTOR
+    return Response(*(float(one.max()) * outward for one in (held + within, x + within, u)))
 
 
 def noise_deviation(problem: Problem, controller: Controller) -> Deviation:
@@ -346,11 +353,20 @@ def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
         return np.zeros(len(C))
 
     _at_all_times(whole, problem.delay, M, followed)
-    found, sizes = contraction_witness(M, max(counts)), (bounds_of(problem.commands), bounds_of(disturbances(problem)))
+    needed, sizes = max(counts), (bounds_of(problem.commands), bounds_of(disturbances(problem)))
+    if needed > MOST_PROVEN:
+        raise InputError(f"a proof would need {needed} samples, more than the limit of {MOST_PROVEN}")
     claimed = np.array(_response(problem, whole, *sizes))
+    found = contraction_witness(M)
+    blocks = [min(math.ceil(needed * more / BLOCK_SAMPLES), MOST_PROVEN // BLOCK_SAMPLES) for more in MORE_SAMPLES]
+
+    def follows(bends: int, samples: int) -> bool:
+        return bool((np.array(_response(problem, whole, *sizes, bends, samples)) * ROOM <= claimed).all())
+
     for bends in BENDS:
-        if (np.array(_response(problem, whole, *sizes, bends)) <= claimed).all():
-            return found | {"bends": bends}
+        if follows(bends, blocks[-1] * BLOCK_SAMPLES):  # the more samples are followed, the lower the bounds
+            samples = next(one * BLOCK_SAMPLES for one in blocks if follows(bends, one * BLOCK_SAMPLES))
+            return found | {"samples": samples, "bends": bends}
     raise InputError("its bounds are not shown with a witness of this form")
 
 
