@@ -870,8 +870,37 @@ def require_fixed_loop(c: Controller) -> None:
     gain = number(c.fact("b_0")) if c.scheme == "adrc" else fmpq(1)
     require(c.scheme != "adrc" or c.case.theta_0 is None, "an ADRC has no baseline")
     require(c.case.gain == [gain], "the input must have the gain that the controller takes it to have")
+    theta_0 = vector(c.fact("theta_0"), c.case.n)
+    require(c.case.theta_0 in (None, theta_0), "theta_0 must be that of the baseline")
+    if c.scheme == "adrc":
+        require_exact_observer(c, c.case.A_m + c.case.b * fmpq_mat([theta_0]))
     c.require_theta_known()
     require("sample_time" not in c.facts, "the controller must act continuously")
+
+
+def require_exact_observer(c: Controller, A: fmpq_mat) -> None:
+    """Require, up to rounding, that with theta_0 the observer reproduces x and a zero disturbance.
+
+    This holds if there is a V with V A = F V + G, V b = H and N + M V = (I, 0), so that xi = V x for every u.
+    """
+    F, G, H, M, N = (matrix(c.fact("observer")[name]) for name in "FGHMN")
+    n, k = A.nrows(), F.nrows()
+    rows = [[fmpq(0)] * (n * k) for _ in range(n * k)]
+    for i, j, at in product(range(k), range(n), range(max(k, n))):
+        if at < k:
+            rows[i * n + j][at * n + j] += F[i, at]
+        if at < n:
+            rows[i * n + j][i * n + at] -= A[at, j]
+    try:
+        found = fmpq_mat(rows).solve(column([-G[i, j] for i in range(k) for j in range(n)]))
+    except ZeroDivisionError:
+        c.case.assumed["the observer reproduces x and a zero disturbance if theta = theta_0"] = None
+        return
+    V = fmpq_mat([[found[i * n + j, 0] for j in range(n)] for i in range(k)])
+    size = fmpq(1) + largest_entry(V) * (largest_entry(M) + largest_entry(c.case.b))
+    near("the observer", V * c.case.b, range(k), range(H.ncols()), H, size)
+    exact = fmpq_mat([*identity(n).tolist(), *zeros(N.nrows() - n, n).tolist()])
+    near("the observer", N + M * V, range(N.nrows()), range(n), exact, size)
 
 
 def of_fixed_loop(c: Controller) -> arb:
@@ -1560,6 +1589,14 @@ def _sampled_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
     at_least(value, c.earlier("sampled")[line["key"]], line["key"])
 
 
+def steepest(signal: dict[str, Any]) -> fmpq:
+    """The largest slope of a sine or of a sum of sines; 0 for other commands, whose slope is assumed."""
+    if signal["kind"] not in ("sine", "sines"):
+        return fmpq(0)
+    ways = zip(vector(signal["amplitudes"]), vector(signal["frequencies"]), strict=True)
+    return sum((abs(size * frequency) for size, frequency in ways), fmpq(0)) * (1 - ROUNDING)
+
+
 def of_sampled_loop(c: Controller) -> arb:
     """The bound with the model's motion between samples added."""
     total: arb = c.earlier("sampled")["error_bound_held"]
@@ -1576,7 +1613,7 @@ def of_sampled_loop(c: Controller) -> arb:
             c.case.assumed[
                 f"up to t_end command {j + 1} has a slope of at most {text(slope)}{said or ' and no jump between samples'}"
             ] = None
-            require(slope >= 0 and jump >= 0, "a slope and a jump must not be negative")
+            require(slope >= steepest(c.case.facts["reference"][j]) and jump >= 0, "a command must not be steeper than stated")
             require(jump == 0 or apart is None or arb(apart) > T, "jumps must be more than a sample apart")
             of_next = arb(0) if apart is None else whole / (arb(apart) - T)
             found = found.min(whole * arb(slope) * T + arb(jump) * T * (rate + of_next) if jump != 0 else whole * arb(slope) * T)

@@ -5,6 +5,7 @@ verdict alone.
 """
 
 import ast
+import copy
 import json
 import math
 import subprocess
@@ -253,6 +254,34 @@ def test_square_waves_of_any_phase_are_accepted_and_an_unknown_gain_is_refused(p
             barbalat_check.check(document)
 
 
+SECOND_ORDER = """
+name = "second order"
+[plant]
+A = [[0.0, 1.0], [0.4, -0.3]]
+b = [0.0, 2.0]
+[plant.input]
+gain = 1.0
+[reference_model]
+A_m = [[0.0, 1.0], [-9.0, -6.0]]
+k_0 = 4.5
+[reference]
+kind = "sine"
+amplitude = 1.0
+frequency = 1.0
+[uncertainty]
+lower = [4.6, 2.8]
+upper = [4.8, 2.9]
+[simulation]
+t_end = 5.0
+dt = 1e-3
+[[controller]]
+name = "ADRC"
+scheme = "adrc"
+bandwidth = 20.0
+OUTPUT
+"""
+
+
 def test_the_premises_of_an_unknown_gain_and_of_nu_1_are_looked_up(certified):
     document = document_of(*certified("paper"))
     found = document["controllers"]["L1"]
@@ -286,6 +315,30 @@ def test_the_matrix_of_a_closed_loop_model_belongs_to_that_scheme_alone(certifie
     ]
     with pytest.raises(barbalat_check.Refused, match="mrac has no L"):
         barbalat_check.check(document | {"controllers": {"MRAC": of_mrac | {"facts": facts, "lines": lines}}})
+
+
+@pytest.mark.parametrize("output", ["", "output = [1.0, 0.0]"])
+def test_the_theta_0_of_a_fixed_loop_is_that_of_its_observer_or_baseline(output):
+    """The error of these loops is driven by theta - theta_0, so that any other theta_0 would give a bound of zero."""
+    text = SECOND_ORDER.replace("OUTPUT", output)
+    case = parse_case(text)
+    document = document_of(case, certify(case.problem, case.controllers, case.simulation, keys=["condition", "error_bound"]))
+    said, assumed = barbalat_check.check(document)
+    assert "condition" in said[1] and not assumed
+    facts = document["controllers"]["ADRC"]["facts"]
+    for name in "FGHMN":
+        other = copy.deepcopy(facts)
+        other["observer"][name][0][0] += 0.5
+        one = barbalat_check.Controller(barbalat_check.Case(document["plant"]), other)
+        with pytest.raises(barbalat_check.Refused, match="the observer"):
+            barbalat_check.require_fixed_loop(one)
+    moved = barbalat_check.Controller(barbalat_check.Case(document["plant"]), facts | {"theta_0": [0.3, 0.1]})
+    with pytest.raises(barbalat_check.Refused, match="the observer"):
+        barbalat_check.require_fixed_loop(moved)
+    around = document["plant"] | {"baseline": {"theta_0": [0.0, 0.0], "enters": [[0.0], [0.0]]}}
+    alone = {"scheme": "baseline", "theta_0": [0.3, 0.1]}
+    with pytest.raises(barbalat_check.Refused, match="theta_0 must be that of the baseline"):
+        barbalat_check.require_fixed_loop(barbalat_check.Controller(barbalat_check.Case(around), alone))
 
 
 def test_what_the_file_does_not_cover_is_said_and_nothing_unknown_is_read_over(certified, tmp_path, capsys):

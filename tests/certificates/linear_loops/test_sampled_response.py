@@ -256,6 +256,16 @@ def test_the_checker_follows_a_command_with_a_single_jump_between_samples():
     refused(document, "error_bound")
 
 
+def test_the_slope_of_a_sine_follows_from_its_numbers():
+    problem, simulation = problem_of("nothing", reference=Sine(amplitude=0.5, frequency=3.0)), Simulation(t_end=T_END, dt=DT)
+    found = certify(problem, [CONTROLLERS["known"]], simulation)
+    document = json.loads(json.dumps(proof("a case", problem, [CONTROLLERS["known"]], simulation, found)))
+    barbalat_check.check(document)
+    (controller,) = document["controllers"].values()
+    controller["facts"]["between"][0]["slope"] = 1.4
+    refused(document, "a command must not be steeper than stated")
+
+
 def at_rest_with_noise(path, period, **fields):
     noise = Noise(std=[0.01, 0.03], sample_time=period)
     problem = problem_of(path, reference=Constant(0.0), sensor=Sensor(lag=0.02, noise=noise), **fields)
