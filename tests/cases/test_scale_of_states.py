@@ -28,4 +28,4 @@ def test_bands_of_all_states_come_first_and_a_resting_state_has_1():
     scale, said = scale_of_states(Plant(A=A, b=b, A_m=A_m), ReferenceModel(k_0=1.8), COMMAND, None, judge, 30.0)
     assert scale.tolist() == [0.1, 0.7] and said == "the bands of judge.follows"
     scale, said = scale_of_states(Plant(A=A, b=b, A_m=A_m), ReferenceModel(k_0=1.8), Constant(0.0), None, Judge(), 30.0)
-    assert scale.tolist() == [1.0, 1.0] and said.endswith("1 where it rests")
+    assert scale.tolist() == [1.0, 1.0] and said.endswith("or 1 for states that it does not move")

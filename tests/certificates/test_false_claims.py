@@ -151,7 +151,7 @@ def test_V_of_a_sampled_law_does_grow():
     assert np.abs(run.theta_hat - problem.plant.theta).max() > 0.01  # V(0) = 0
     assert (
         column.cells["estimates"].kind == "guaranteed"
-        and "only the deviation of the plant's motion" in column.cells["estimates"].text
+        and "only the plant's motion between samples" in column.cells["estimates"].text
     )
 
 

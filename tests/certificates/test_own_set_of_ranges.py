@@ -44,7 +44,7 @@ def test_a_set_that_lacks_the_gain_s_range_guarantees_nothing_of_the_ranges(gain
         assert "error_bound" in found["mrac"].guaranteed and "does not contain" not in notes
         assert "all of which hold" in said["assumed"]
         return
-    assert "omega in [0.5, 2], and the input's gain is assumed to be known; no guarantee covers the ranges" in notes
+    assert "omega in [0.5, 2], but the input gain is assumed to be known; no guarantee covers the ranges" in notes
     assert "error_bound" not in found["mrac"].guaranteed
     assert said["bound of e"].startswith("guaranteed for the design")
     assert "the parameter ranges exceed the set given in the case" in said["assumed"]

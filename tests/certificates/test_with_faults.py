@@ -129,10 +129,10 @@ def test_an_unstable_loop_with_its_law_is_named(sampled):
     found = certify(case.problem, case.controllers, case.simulation)
     certificate, said = found["mrac"], lines_of(found, "mrac")
     assert certificate.values["delay_margin"] > 0
-    assert "adapting: none, since with its law linearised at the largest command the loop is unstable" in said["margin"]
+    assert "adapting: none, since with its law linearised at the largest command, the loop is unstable" in said["margin"]
     if sampled:
         assert certificate.values["spectral_radius"] < 1 < certificate.values["spectral_radius_adapting"]
-        assert "with its law linearised at the largest command is unstable, spectral radius" in said["condition"]
+        assert "with its law linearised at the largest command is unstable with spectral radius" in said["condition"]
         assert (
             "stable at the case's theta" in lines_of(found, "fixed")["condition"]
             or "none needed" in lines_of(found, "fixed")["condition"]

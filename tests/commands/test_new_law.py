@@ -42,8 +42,8 @@ def test_a_case_that_the_law_rejects_is_named_with_its_property(folder, capsys):
         capsys.readouterr()
         .err.strip()
         .endswith(
-            "MyLaw supports only plants with a known input gain. MyLaw therefore cannot join the case 'First-order plant', whose "
-            "plant has an unknown input gain"
+            "MyLaw supports only plants with a known input gain. MyLaw therefore cannot be used in the case 'First-order plant', "
+            "whose plant has an unknown input gain"
         )
     )
 

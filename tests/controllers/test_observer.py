@@ -363,7 +363,7 @@ def test_a_sampled_controller_needs_no_continuous_observer(monkeypatch):
 
 
 def test_a_continuous_observer_says_that_it_leaves_the_delay_out():
-    said = "the observer of a continuous controller does not contain the delay of the input"
+    said = "the observer of a continuous controller does not include the input delay"
     plant = Plant(A=[[0.0, 1.0], [-2.0, -0.5]], b=[0.0, 1.0], poles=[-2.0, -3.0], input=PlantInput(delay=0.02))
     for kind, there in (
         (LuenbergerObserver([-8.0, -9.0], measured=[[1.0, 0.0]]), True),

@@ -237,7 +237,7 @@ def test_a_diverging_run_has_no_derivatives(tmp_path):
             {"of": ["verdict"]},
             "verdict is not a metric of a run that has a derivative: a verdict or an instant has no derivative",
         ),
-        ({"of": ["max_e"]}, "max_e is not a metric of a run that has a derivative; these are max_abs_e"),
+        ({"of": ["max_e"]}, "max_e is not a metric of a run that has a derivative; those that have one are max_abs_e"),
         ({"to": ["plant.tehta[0]"]}, "the case does not give plant.tehta[0]; did you mean 'plant.theta[0]'?"),
         ({"to": ["plant.theta"]}, "plant.theta is not a single number; name one of plant.theta[0]"),
         ({"to": ["nonsense"]}, "the case does not give nonsense; its numbers are in plant, reference_model, reference, "),

@@ -255,7 +255,9 @@ def test_an_unstable_plant_that_predicts_worse_than_a_held_state_is_a_finding():
     for q, worse in ((turned, False), (ended, True)):
         found = identify(Recording(t, unstable().inputs, q[:, None], ("u",), ("q",)))
         assert found.restarted is not None and (found.fit["q"] < found.held_fit["q"]) == worse
-        assert any("predicts q worse than a state that is held from the last restart" in said for said in found.findings) == worse
+        assert (
+            any("predicts q worse than holding the state from the last restart does" in said for said in found.findings) == worse
+        )
         assert any("The ranges describe no plant" in said for said in found.findings)
         assert "s ahead and fits q" in report.sentence(found) and "restarts from the measured state every" in report.caption(
             found

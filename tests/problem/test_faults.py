@@ -87,7 +87,7 @@ def test_a_fault_is_a_signal_like_others() -> None:
         ),
         (
             lambda: Shell(fallback="baseline", longest_outage=1.0).require(
-                ("x_1",), ("command",), without_baseline="needs a case with a baseline controller, and this one has none"
+                ("x_1",), ("command",), without_baseline="needs a case with a baseline controller, but this case has none"
             ),
             "shell.fallback = 'baseline' needs a case with a baseline",
         ),

@@ -261,7 +261,7 @@ def test_a_set_of_the_user_s_own_is_compared_with_the_derived_one():
     assert gain == pytest.approx((0.5, 2.0), rel=1e-6) and not whole.outside and own_set().derived.used
     wide = ParameterBox(lower=theta.lower - 1.0, upper=theta.upper + 1.0)
     known = own_set(uncertainty=wide).derived
-    assert known.outside == f"omega in [{gain[0]:.6g}, {gain[1]:.6g}], and the input's gain is assumed to be known"
+    assert known.outside == f"omega in [{gain[0]:.6g}, {gain[1]:.6g}], but the input gain is assumed to be known"
     assert known.outside in known.sentences[-1] and not known.used
     assert not own_set(uncertainty=wide, input_gain=(0.4, 2.5)).derived.outside
     assert "omega in [0.5, 2], not only in [0.6, 2.5]" in own_set(uncertainty=wide, input_gain=(0.6, 2.5)).derived.outside

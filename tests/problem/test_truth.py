@@ -135,7 +135,7 @@ def test_parameters_outside_their_ranges_are_reported_with_other_states_and_insi
         found = departures(replace(nominal, truth=Truth(parameters={"J": 0.4, "d": 0.2}, **further)))
         said = {one.sentence: one.within for one in found}
         assert said["its d is 0.2, declared as 0.1"] is False and not any("outside its range" in one for one in said)
-        assert ("its J is 0.4, and the plant's 0.5; it lies in its range" in said) == bool(further)
+        assert ("its J is 0.4 (the plant's is 0.5) and lies in its range" in said) == bool(further)
 
 
 def test_without_a_truth_nothing_changes_and_a_truth_that_is_the_plant_runs_alike():
@@ -190,7 +190,7 @@ def test_a_gain_of_a_plant_with_a_regressor_departs_too():
     unknown = replace(problem, input_gain=(0.4, 2.5))
     for truth in (Truth(b=2 * problem.plant.b), Truth(input=PlantInput(gain=2.0))):
         (found,) = departures(replace(problem, truth=truth))
-        assert "its input gain is 2, and the plant's 1; the gain is declared as known" in found.sentence and not found.within
+        assert "its input gain is 2 (the plant's is 1), but the gain is declared as known" in found.sentence and not found.within
         (found,) = departures(replace(unknown, truth=truth))
         assert found.within and replace(unknown, truth=truth).true_parameters[-1] == 2.0
     (found,) = departures(replace(problem, truth=Truth(b=[0.1, 1.0])))

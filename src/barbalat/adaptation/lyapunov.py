@@ -49,7 +49,7 @@ class Modifications:
             accept_leakage(self.leakage, "the Lyapunov law")
             return
         validate.instance("learning", self.learning, CompositeLearning)
-        accept_leakage(self.leakage, "composite learning", Tolerated.BOUNDED, "its V' is not proportional to the present error")
+        accept_leakage(self.leakage, "composite learning", Tolerated.BOUNDED, "its V' is not proportional to the current error")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone cannot be combined with composite learning: the memory keeps adapting inside the zone, on data "
@@ -97,7 +97,7 @@ class Modifications:
 
 
 ON_THE_OUTPUT = (
-    "a dead zone on the output's error guarantees nothing: V depends on the whole state's error, and may grow in the zone"
+    "a dead zone on the output error guarantees nothing: V depends on the error of the whole state and may grow inside the zone"
 )
 
 

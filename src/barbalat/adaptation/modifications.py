@@ -112,7 +112,7 @@ def accept_leakage(leakage: Leakage | None, law: str, tolerated: Tolerated = Tol
     if not isinstance(leakage, Leakage) or isinstance(leakage, type):  # type: ignore[redundant-expr]
         raise InputError(f"leakage must be a {Tolerated.ALL.value}, got {show(leakage)}")
     if not tolerated.includes(leakage):
-        raise InputError(f"{type(leakage).__name__} cannot be combined with {law}: {reason}; {tolerated.value} can")
+        raise InputError(f"{type(leakage).__name__} cannot be combined with {law}: {reason}; use {tolerated.value} instead")
 
 
 class PullingLeakage(ABC):

@@ -157,7 +157,7 @@ def _joined(problem: TrackingProblem, controller: Controller, case: Table) -> An
             raise
         has = [name for name, feature in PLANT_FEATURES.items() if isinstance(problem, Problem) and feature.found(problem.known)]
         of_plant = f", whose plant has {' and '.join(has)}" if has else ""
-        whole = f"{error}. {controller.name} therefore cannot join the case {show(vars(case)['name'])}{of_plant}"
+        whole = f"{error}. {controller.name} therefore cannot be used in the case {show(vars(case)['name'])}{of_plant}"
         raise InputError(whole, controller=controller.name) from error
 
 

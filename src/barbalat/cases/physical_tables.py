@@ -117,5 +117,5 @@ def scale_of_states(
     _, x_m = driven_response(A, B, C, plant.x0, signals, t_end, MOTION_INSTANTS)
     largest = np.abs(x_m).max(axis=0)
     moves = largest > 1e-9 * largest.max(initial=0.0)
-    said = "the largest motions of the reference model" + ("" if moves.all() else ", 1 where it rests")
+    said = "the largest motions of the reference model" + ("" if moves.all() else ", or 1 for states that it does not move")
     return np.where(moves, largest, 1.0), said

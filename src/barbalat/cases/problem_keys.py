@@ -166,7 +166,7 @@ def _nominal_plant(
     for key in ("A_m", "theta", "regressor"):
         if key in plant:
             raise InputError.of(
-                f"plant.{key}", "and parameters are both given; with parameters plant.A and plant.b define the plant"
+                f"plant.{key}", "and parameters are both given; with parameters, plant.A and plant.b define the plant"
             )
     if ("A_m" in model) == ("poles" in model):
         raise InputError("give either reference_model.A_m or reference_model.poles with plant.A")
@@ -223,7 +223,9 @@ def _output_problem(given: Given, _: Context) -> OutputProblem:
 
 _NAME = Key(str, "of the case")
 _JUDGE = Key(Judge, "the limits for following, loss and limit cycles; by default derived from the model's motion", None)
-_SPECIFICATION = Key(Specification, "the requirements of `barbalat design` on a controller; no other command reads it", None)
+_SPECIFICATION = Key(
+    Specification, "the requirements on a controller for `barbalat design`; no other command reads this table", None
+)
 _DISTURBANCE = Key(Signal | None, "matched disturbance, which enters with u; none by default", None)
 
 MEASURED = chosen(
@@ -245,7 +247,7 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             "A": Key(Matrix, "(N, N): different dynamics, possibly with more states than the plant", None),
             "b": Key(Array, "(N,), or (N, m)", None),
-            "C": Key(Matrix, "(p, N): what is measured of its states, instead of what `observer` measures", None),
+            "C": Key(Matrix, "(p, N): the output matrix for its states, instead of that of `observer`", None),
             "x0": Key(Vector, "(N,) initial state; the plant's by default", None),
             "input": Key(PlantInput | tuple[PlantInput, ...], "the input dynamics, instead of `plant.input`", None),
             "sensor": Key(Sensor, "the sensor, instead of the case's `sensor`", None),
@@ -262,26 +264,26 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             "parameters": Key(
                 Mapping[str, float | Parameter],
-                "physical parameters by name, a number or a table: a string in plant.A, plant.b, plant.x0, plant.input, "
-                "sensor or truth, except its friction, is a formula of them",
+                "physical parameters by name, each a number or a table; a string in plant.A, plant.b, plant.x0, plant.input, "
+                "sensor or truth (but not in its friction) is a formula in them",
                 None,
             ),
             "baseline": Key(
                 Baseline | None,
-                "the existing fixed controller, to whose control adaptive laws add theirs; its loop on `plant.A` and "
-                "`plant.b` is the model, and `reference_model` has only `follow`",
+                "the existing fixed controller, to which adaptive laws add their control; the model is its loop with `plant.A` "
+                "and `plant.b`, and `reference_model` has only `follow`",
                 None,
             ),
             "observer": Key(
                 Observer | None,
-                "the estimator of the state if it is not measured: a part of every controller, designed for the nominal "
-                "plant; without one the state is measured",
+                "the estimator of a state that is not measured; it is a part of every controller and is designed for the "
+                "nominal plant. Without it the state is measured",
                 None,
             ),
             "uncertainty": Key(
                 Uncertainty,
-                "the known set Omega; without one there is no projection. With `baseline` it is the set of the plant's "
-                "deviation from the nominal one",
+                "the known set Omega; without it there is no projection. With `baseline` it bounds the plant's deviation "
+                "from the nominal plant",
                 None,
             ),
             "simulation": Key(Simulation, "how to simulate"),
@@ -320,7 +322,7 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             "num": Key(Vector | None, "of K(s), highest power first; with `den`", None),
             "den": Key(Vector | None, "of K(s); with `num`", None),
-            "A": Key(Matrix | None, "instead: of its state space, with B, C and D", None),
+            "A": Key(Matrix | None, "instead of num and den: A of its state space, with B, C and D", None),
             "B": Key(Array | None, "of its state space", None),
             "C": Key(Array | None, "of its state space", None),
             "D": Key(float | None, "of its state space", None),
@@ -340,7 +342,7 @@ DIFFERENCES: dict[type, Differences] = {
             "A_m": Key(Matrix, "with `plant.A`", None),
             "poles": Key(
                 tuple[float | Vector, ...],
-                "with `plant.A`: the model's poles by state feedback; a complex pole once, as [real, imaginary]",
+                "with `plant.A`: the model's poles, placed by state feedback; give a complex pair once, as [real, imaginary]",
                 None,
             ),
         },
@@ -370,7 +372,7 @@ DIFFERENCES: dict[type, Differences] = {
             ),
             "separator": Key(
                 str,
-                "between the columns: comma, semicolon, tab or space"
+                "the separator of the columns: comma, semicolon, tab or space"
                 "; detected by default. With separators other than the comma, numbers may have a decimal comma",
                 None,
             ),

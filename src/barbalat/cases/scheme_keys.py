@@ -140,8 +140,10 @@ def _equivalent(given: Given, context: Context) -> LinearOutput:
 _DESIGN = {
     "controller": Key(TransferFunction, "K(s), proper; or a design", None),
     "design": Key(Literal["hinf", "pi"], "designs K(s) for `unmodelled_delay`; `hinf` requires `barbalat[robust]`", None),
-    "unmodelled_delay": Key(float, "[s] that the loop must tolerate at the plant's input", None),
-    "bandwidth": Key(float, "[rad/s] of the `hinf` design; by default 0.9 times the largest that the delay allows", None),
+    "unmodelled_delay": Key(float, "the delay [s] that the loop must tolerate at the plant's input", None),
+    "bandwidth": Key(
+        float, "[rad/s] of the `hinf` design; by default 0.9 times the largest bandwidth that the delay allows", None
+    ),
 }
 
 DIFFERENCES: dict[type, Differences] = {
@@ -165,10 +167,13 @@ DIFFERENCES: dict[type, Differences] = {
     ),
     LinearFeedback: Differences(keys=_DESIGN, without=("unmodelled",), make=_linear),
     MracOutput: Differences(
-        keys={"projection": Key(bool | None, "onto the known set; by default on if there is one", None)}, make=_mrac_output
+        keys={"projection": Key(bool | None, "projection onto the known set; on by default if there is one", None)},
+        make=_mrac_output,
     ),
     L1Output: Differences(
-        keys={"projection": Key(bool | None, "onto |sigma| <= sigma_bound; by default on if that is given", None)},
+        keys={
+            "projection": Key(bool | None, "projection onto |sigma| <= sigma_bound; on by default if sigma_bound is given", None)
+        },
         make=_l1_output,
     ),
     LinearOutput: Differences(
@@ -176,9 +181,9 @@ DIFFERENCES: dict[type, Differences] = {
             **_DESIGN,
             "design_plant": Key(TransferFunction, "G(s) that the design assumes; the plant by default", None),
             "equivalent_of": Key(
-                str, "the name of the `l1-output` controller of which this is the equivalent inside its bounds", None
+                str, "the name of the `l1-output` controller to which this one is equivalent inside its bounds", None
             ),
-            "limit": Key(bool, "with `equivalent_of`: its limit for gamma -> infinity", False),
+            "limit": Key(bool, "with `equivalent_of`: the limit of that controller for gamma -> infinity", False),
         },
         without=("loop",),
         make=_linear_output,

@@ -48,7 +48,7 @@ class Apart:
         voided = [", ".join(self.voids[name]), rows and f"in Table 1 {rows}"]
         if any(voided):
             return f"the simulated plant ([truth]) invalidates these guarantees of the design: {'; '.join(filter(None, voided))}"
-        return "the simulated plant ([truth]) invalidates no guarantee of the motion"
+        return "the simulated plant ([truth]) invalidates no guarantee about the motion"
 
     def as_json(self) -> dict[str, Any]:
         """The differences and, by controller, the keys that they void."""
@@ -119,8 +119,8 @@ def further_blocks(problem: TrackingProblem, found: Apart | None) -> dict[str, A
 
 
 FAULTS_NOTE = (
-    "the case has faults: all numbers are for the loop without them, in which every sample arrives as it was measured; with them "
-    "nothing is guaranteed"
+    "the case has faults: all numbers are for the loop without faults, in which every sample arrives as it was measured; with "
+    "faults nothing is guaranteed"
 )
 SHELL_NOTE = (
     "the case has a [shell]: all guarantees are for the loop in which the shell rejects no sample; nothing is guaranteed from "

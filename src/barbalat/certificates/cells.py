@@ -105,10 +105,10 @@ def limits_text(certificate: Certificate) -> str:
     sure = {key: "" if counts_on_damping(certificate, key) else " at least" for key in ON_DAMPING}
     if values.get("gamma_max") is not None:
         beyond = values.get("gamma_max_at_model")
-        text = f"the solver at its step tolerates Gamma up to {values['gamma_max']:.3g}{sure['gamma_max']}"
-        parts.append(text if beyond is None else f"{text}, oscillations start near {beyond:.3g}")
+        text = f"the solver at its step tolerates Gamma up to{sure['gamma_max']} {values['gamma_max']:.3g}"
+        parts.append(text if beyond is None else f"{text}, and oscillations start near {beyond:.3g}")
     if values.get("step_max") is not None:
-        parts.append(f"this gain tolerates a step up to {values['step_max']:.3g} s{sure['step_max']}")
+        parts.append(f"this gain tolerates a step up to{sure['step_max']} {values['step_max']:.3g} s")
     if not all(sure.values()):
         parts.append("these limits rely on damping that the motion can remove")
     return "; ".join(parts) or "no limit on the step is known"
@@ -134,9 +134,9 @@ def margins_cell(certificate: Certificate) -> Entry:
         if "unstable_at" in loop:
             parts.append(f"unstable for part of {over} ({name})")
         elif "delay_margin" in loop:
-            parts.append(f"over {over} {loop['delay_margin']['value']:.4g} s or more, as far as found ({name})")
+            parts.append(f"{loop['delay_margin']['value']:.4g} s or more over {over}, as far as found ({name})")
     if adapting is not None and adapting.value is not None:
-        parts.append(f"linearised with its law at the largest command {adapting.value:.3g} s")
+        parts.append(f"{adapting.value:.3g} s with the law linearised at the largest command")
     each = certificate.entry("delay_margin_each")
     if not parts and each is not None and each.applies:
         delays = ", ".join("unlimited" if value is None else f"{value:.4g} s" for value in each.value)

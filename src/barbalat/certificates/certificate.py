@@ -86,7 +86,11 @@ class Certificate:
         }
         numbers = {key: self.values.get(key) for key in shown}
         said = [shown[key][0].format(shown[key][1](value)) for key, value in numbers.items() if isinstance(value, float)]
-        return ", ".join([*holds, *said]) or (self.failure and "no certificate") or "nothing is known about these"
+        return (
+            ", ".join([*holds, *said])
+            or (self.failure and "no certificate")
+            or "no condition, bound, margin or gain limit to show"
+        )
 
     def _repr_html_(self) -> str:
         """For notebooks: every value with its kind and its meaning, and the picture."""

@@ -116,7 +116,7 @@ class Marked:
 
 
 def _caption(found: Margins) -> str:
-    up = f"gain margin × {found.gain_up:.4g}" if np.isfinite(found.gain_up) else "no gain that is too high"
+    up = f"gain margin × {found.gain_up:.4g}" if np.isfinite(found.gain_up) else "gain margin unlimited"
     down = f", down to × {found.gain_down:.4g}" if found.gain_down > 0 else ""
     phase = f"phase margin {np.degrees(found.phase):.4g}°" if np.isfinite(found.phase) else "any phase"
     delay = f"delay margin {found.delay:.4g}\u00a0s" if np.isfinite(found.delay) else "any delay"

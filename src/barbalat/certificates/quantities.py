@@ -16,12 +16,12 @@ class Form(Enum):
     PLAIN = "a number, a list of numbers or words"
     MATRIX = "rows of numbers"
     NAMES = "a list of names"
-    NORMS = "by a system's name, lower and upper"
-    BOUNDS = "by a signal's name, a bound"
+    NORMS = "lower and upper for each system, by its name"
+    BOUNDS = "a bound for each signal, by its name"
     CONDITION = "value_upper, limit, holds, and the system of the norm"
-    OVER_THE_SET = "for each linear loop its smallest margins over the known set"
-    TRANSFER_FUNCTIONS = "by a name, num and den"
-    PER_UNIT = "by a signal's name, the error per unit of it"
+    OVER_THE_SET = "the smallest margins of each linear loop over the known set"
+    TRANSFER_FUNCTIONS = "num and den for each transfer function, by its name"
+    PER_UNIT = "the error per unit of each signal, by its name"
 
 
 class Quantity(NamedTuple):
@@ -58,12 +58,13 @@ QUANTITIES = {
         "the solver, or a law with Euler steps, is stable at its step at least up to this gain, with |x| at its bound"
     ),
     "step_max": Quantity("the solver is stable with this gain at least up to this step, with |x| at its bound", "s"),
-    "gamma_float32": Quantity("gain above which a compiled export in 32 bits, in the loop, deviates from the simulation"),
+    "gamma_float32": Quantity("gain above which the loop with a compiled 32-bit export deviates from the simulation"),
     "gamma_max_at_model": Quantity(
-        "the same with |x| as large as the command makes |x_m|; in runs, oscillations start near it, from 0.6 times it on"
+        "the same with |x| as large as the command makes |x_m|; in runs, oscillations start near this gain, from 0.6 times it on"
     ),
     "step_max_at_model": Quantity(
-        "the same with |x| as large as the command makes |x_m|; in runs, oscillations start near it, from 0.8 times it on", "s"
+        "the same with |x| as large as the command makes |x_m|; in runs, oscillations start near this step, from 0.8 times it on",
+        "s",
     ),
     "delay_margin": Quantity("smallest destabilising delay: linear, without limits", "s"),
     "phase_margin": Quantity("smallest destabilising phase lag: linear, without limits", "rad"),
@@ -80,14 +81,14 @@ QUANTITIES = {
         "delay margin of the loop with its law, linearised at the largest constant command, without limits", "s"
     ),
     "delay_margin_measured": Quantity("measured on the case with its limits: largest delay before loss or a limit cycle", "s"),
-    "gain_margin_measured": Quantity("measured on the case with its limits: tolerated factor and divisor of the input's gain"),
+    "gain_margin_measured": Quantity("measured on the case with its limits: tolerated factor and divisor of the input gain"),
     "delay_onset_simulated": Quantity("the same as delay_margin_measured", "s"),
     "delay_margin_simulated": Quantity("measured: largest delay before loss of the motion, see below", "s"),
-    "mu_parameters": Quantity("mu against the known set"),
+    "mu_parameters": Quantity("mu with respect to the known set"),
     "parameter_scale": Quantity("factor by which the known set may grow"),
     "theta_destabilising": Quantity("parameters that destabilise"),
-    "mu_dynamics": Quantity("mu against the unmodelled dynamics"),
-    "mu": Quantity("mu against both"),
+    "mu_dynamics": Quantity("mu with respect to the unmodelled dynamics"),
+    "mu": Quantity("mu with respect to both"),
     "mu_frequency": Quantity("where it peaks", "rad/s"),
 }
 
@@ -96,16 +97,16 @@ EACH_INPUT = {
 }
 """Keys for a plant with several inputs, by the keys for one input."""
 QUANTITIES |= {
-    of_each: Quantity(f"by input, each separately: {QUANTITIES[key].meaning}", QUANTITIES[key].unit)
+    of_each: Quantity(f"for each input separately: {QUANTITIES[key].meaning}", QUANTITIES[key].unit)
     for key, of_each in EACH_INPUT.items()
 }
 
 ON_DAMPING = {
     "gamma_max": Quantity(
-        "approximate gain up to which the frozen law's damping exceeds the amplification by the step: |x| at its bound"
+        "approximate gain up to which the frozen law's damping exceeds the amplification by the step, with |x| at its bound"
     ),
     "step_max": Quantity(
-        "approximate step up to which the frozen law's damping exceeds its amplification: |x| at its bound", "s"
+        "approximate step up to which the frozen law's damping exceeds its amplification, with |x| at its bound", "s"
     ),
 }
 """The limits for a method that amplifies every undamped oscillation; they are not lower bounds, see ``cells.on_damping``."""

@@ -29,7 +29,7 @@ def _rounded(value: float, digits: int, rounding: str) -> str:
 
 KINDS = {"exact": "linear loop", "advice": "", "does not apply": "does not apply"}
 """The printed forms of kinds that are not printed by their names."""
-NAMES_OF_BOUNDS = {"r": "of |r|, at all times", "x_m": "of every component of x_m, at all times"}
+NAMES_OF_BOUNDS = {"r": "bound on |r|, at all times", "x_m": "bound on every component of x_m, at all times"}
 SMALLEST_SHOWN = 1e-12
 """A value per unit below this is rounding error and is printed as zero."""
 

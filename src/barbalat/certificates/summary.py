@@ -26,7 +26,7 @@ def lines(column: Column, certificate: Certificate, dt: float | None) -> tuple[L
     leading = [] if simulated is None else [
         Line("measured", simulated.margins, "estimate"), Line("simulated", simulated.run, "estimate")
     ]  # fmt: skip
-    last = [] if gain is None else [Line("32 bits", f"leave the case's run from {held(f'gain {gain:.3g}')} on", "estimate")]
+    last = [] if gain is None else [Line("32 bits", f"deviate from the case's run above {held(f'gain {gain:.3g}')}", "estimate")]
     return (*leading, *five(column, certificate, dt), *last)
 
 

@@ -154,13 +154,13 @@ class GainEquations:
     def roles(self) -> dict[str, Role]:
         return {
             "theta_hat": Role.estimates(
-                "k_x", true=self.gains.ideal, within=self.estimate_set, meaning="estimates of the feedback's gains k_x"
+                "k_x", true=self.gains.ideal, within=self.estimate_set, meaning="estimates of the feedback gains k_x"
             ),
             "k_r_hat": Role.estimates(
                 "k_r",
                 true=lambda _, omega: self.gains.ideal_feedforward(omega),
                 within=self.gains.interval,
-                meaning="estimates of the feedforward's gains k_r",
+                meaning="estimates of the feedforward gains k_r",
             ),
         }
 

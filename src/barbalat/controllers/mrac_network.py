@@ -151,7 +151,7 @@ class NetworkMrac(Scheme):
             validate.freeze(self, gamma_v=validate.positive("gamma_v", self.gamma_v))
         if self.leakage is None:
             raise InputError(
-                "leakage is missing: give FixedSigma or EpsilonModification; in a case file modification = { sigma } or { nu }"
+                "leakage is missing: give FixedSigma or EpsilonModification; in a case file, modification = { sigma } or { nu }"
             )
         validate.instance("leakage", self.leakage, (FixedSigma, EpsilonModification))
         if self.neurons is not None:

@@ -111,7 +111,7 @@ PLANT_FEATURES = {
     ),
     "a baseline": PlantFeature(
         lambda known: known.theta_0 is not None,
-        "cannot have a baseline, since none of its parts can be separated from one",
+        "cannot have a baseline, since none of its parts can be separated from a baseline",
         "support a baseline",
     ),
     "a regressor other than x": PlantFeature(

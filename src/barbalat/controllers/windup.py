@@ -58,7 +58,7 @@ class ModifiedError(Settings):
 def known_limits(remedy: str, known: Known | OutputKnown) -> Array:
     """The actuators' limits, [lower, upper]; raises InputError if there are none."""
     if known.saturation is None:
-        raise InputError(f"{remedy} needs plant.input.saturation, which is not given")
+        raise InputError(f"{remedy} needs plant.input.saturation, which is missing")
     return known.saturation
 
 

@@ -132,8 +132,8 @@ def _reason(tangent: float, value: float, instant: float, pairs: Sequence[Pair],
     said = ", ".join(f"{pair.slope:.3g}" for pair in pairs)
     if np.ptp([pair.slope for pair in pairs]) > CONVERGED_WITHIN * max(abs(pair.slope) for pair in pairs):
         return (
-            f"its differences by smaller and smaller steps do not converge ({said}): the run is too sensitive or changes branch "
-            f"too often"
+            f"its differences with smaller and smaller steps do not converge ({said}): the run is too sensitive or changes "
+            f"branch too often"
         )
     both = f"its tangent gives {tangent:.5g}, but differences give {finest.slope:.5g}"
     if abs(tangent - finest.slope) <= NEARLY_WITHIN * abs(finest.slope):

@@ -339,7 +339,9 @@ def chosen(figures: Sequence[str], known: Iterable[str]) -> list[str]:
         if not named:
             hint = "" if figure not in ("verdict", "diverged_at", "lost") else ": a verdict or an instant has no derivative"
             known_names = ", ".join(dict.fromkeys(name.split("[")[0] for name in known))
-            raise InputError(f"{figure} is not a metric of a run that has a derivative{hint}; these are {known_names}")
+            raise InputError(
+                f"{figure} is not a metric of a run that has a derivative{hint}; those that have one are {known_names}"
+            )
         found += named
     return list(dict.fromkeys(found))
 

@@ -180,7 +180,7 @@ class Identification:
             if not row.unexcited and not np.isfinite(row.ranges).all():
                 said.append(
                     f"the known set of {row.state}' is not bounded: the bounds on noise and slope are too large for the motion; "
-                    f"give smaller bounds, samples at shorter intervals, more motion, or bound it with `within`"
+                    f"give smaller bounds, samples at shorter intervals or more motion, or bound it with `within`"
                 )
             if row.outside:
                 outside = "the known set" if row.enclosure is not None else "the bounds of `within`"
@@ -240,12 +240,12 @@ class Identification:
         if wrong:
             before = "" if self.horizon is None else f"over {self.horizon:.3g} s, "
             worse = ", ".join(name for name in wrong if fits[name] < (self.held_fit or {}).get(name, -np.inf))
-            held = f", and predicts {worse} worse than a state that is held from the last restart" if worse else ""
+            held = f", and predicts {worse} worse than holding the state from the last restart does" if worse else ""
             said.append(
                 f"{before}the nominal plant does not explain the {where} (fit of {self._told(wrong)}; at least "
                 f"{100 * LEAST_FIT:.0f} % is needed){held}. The ranges describe no plant, so do not trust a case file with "
-                f"them. Perhaps the outputs are not the whole state (encoders need the rates as well), or the plant is not "
-                f"linear or accumulates disturbances"
+                f"them. Perhaps the outputs are not the whole state (encoders do not measure the rates, which are also "
+                f"needed), or the plant is not linear or accumulates disturbances"
             )
         if noisy:
             said.append(

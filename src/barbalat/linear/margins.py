@@ -62,7 +62,7 @@ def margins(loop: Any, delay: float = 0.0) -> Margins:
     if abs(loop.D) >= 1:  # |L| >= 1 up to infinite frequency: an arbitrarily small delay meets -1
         longest = 0.0
     if delay > 0 and longest <= delay:
-        raise InputError(f"unstable: the loop tolerates a delay of {longest:.4g} s and has {delay:.4g} s")
+        raise InputError(f"unstable: the loop tolerates a delay of {longest:.4g} s, but has a delay of {delay:.4g} s")
     lags = lags - delay * crossovers
     phase = float(np.minimum(lags, 2 * np.pi - lags).min(initial=np.inf))
     at = phase_crossings(crossings, delay, crossovers) if delay > 0 else np.array(crossings.of_real_axis())

@@ -53,5 +53,5 @@ def _scaled(solve: Callable[..., Array], A: Array, B: Array, Q: Array, R: Array)
 
 def _stabilising(P: Array, stable: bool) -> Array:
     if not stable:
-        raise np.linalg.LinAlgError("the solution found does not stabilise")
+        raise np.linalg.LinAlgError("the solution found is not stabilising")
     return P

@@ -192,7 +192,7 @@ class TrialCall:
         lost = np.isnan(symbolic) & np.isfinite(numbers)
         if lost.any():
             raise what.error(
-                " turns symbols into numbers, NaN in a run: use NumPy's functions instead of math's and of float(), "
+                " turns symbols into numbers, which are NaN in a run: use NumPy's functions instead of math's and of float(), "
                 "and np.stack or np.concatenate instead of filling an array entry by entry"
             )
         size = float(np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0))

@@ -130,12 +130,12 @@ class FieldPath:
         near = get_close_matches(str(self.keys[position]), [key for key, value in table.items() if isinstance(value, list)], n=1)
         meant = f"; did you mean {_text((*self.keys[:position], *near, *self.keys[position + 1 :]))!r}?" if near else ""
         place = _text(self.keys[: position + 1])
-        return InputError(f"{self} does not name a field: {place} is not given: write it into the case first{meant}")
+        return InputError(f"{self} does not name a field: {place} is not given; write it into the case first{meant}")
 
     def _index(self, here: Any, position: int) -> int:
         key, place = self.keys[position], _text(self.keys[:position])
         if not isinstance(here, list):
-            said = "is not given: write it into the case first" if here in (None, {}) else f"is {validate.show(here)}, not a list"
+            said = "is not given; write it into the case first" if here in (None, {}) else f"is {validate.show(here)}, not a list"
             raise InputError(f"{self} does not name a field: {place} {said}")
         if not isinstance(key, int) or key >= len(here):
             raise InputError(f"{self} does not name a field: {place} has {validate.counted(len(here), 'entry')}, counted from 0")

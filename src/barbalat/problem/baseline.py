@@ -182,7 +182,9 @@ def _tracking(fixed: FixedController, T_t: float) -> Array:
     integrals = np.flatnonzero(~fixed.F.any(axis=1))
     K_i = fixed.K[:, fixed.H.shape[1] + integrals]
     if np.linalg.svd(K_i, compute_uv=False).min() <= 1e-9 * np.abs(fixed.K).max():
-        raise InputError.of("baseline.anti_windup", "needs an integral that acts on each input, but one has next to no gain")
+        raise InputError.of(
+            "baseline.anti_windup", "needs an integral that acts on each input, but one of them has almost no gain"
+        )
     W = np.zeros((fixed.order, len(fixed.K)))
     W[integrals] = -np.linalg.inv(K_i) / T_t
     return W

@@ -124,20 +124,20 @@ def _of_the_parameters(problem: Problem, simulated: TruePlant) -> Iterator[Depar
             replaced = problem.derived is not None and not problem.derived.used
             yield Departure(f"{said}, {declared}", within=replaced and simulated.S is None)
         elif simulated.S is not None and value != one.value:
-            yield Departure(f"{said}, and the plant's {one.value:.6g}; it lies in its range", within=True)
+            yield Departure(f"{said} (the plant's is {one.value:.6g}) and lies in its range", within=True)
 
 
 def _of_theta(problem: Problem, theta: Array) -> Iterator[Departure]:
     own, known = problem.plant.theta, problem.uncertainty
     if same_values(theta, own):
         return
-    said = f"its theta is {_shown(theta)}, and the plant's {_shown(own)}"
+    said = f"its theta is {_shown(theta)} (the plant's is {_shown(own)})"
     if known is None:
-        yield Departure(f"{said}; no known set is declared")
+        yield Departure(f"{said}, and no known set is declared")
     elif contains_up_to_rounding(known, theta):
-        yield Departure(f"{said}; it lies in the known set", within=True)
+        yield Departure(f"{said} and lies in the known set", within=True)
     else:
-        yield Departure(f"{said}; it lies outside the known set, {_of_set(known)}: projected estimates cannot reach it")
+        yield Departure(f"{said} and lies outside the known set, {_of_set(known)}: projected estimates cannot reach it")
 
 
 def same_values(one: Array, own: Array) -> bool:
@@ -155,14 +155,14 @@ def _of_the_gain(problem: Problem, omega: Array) -> Iterator[Departure]:
     own = np.array([path.gain for path in problem.plant.paths])
     if np.abs(omega - own).max() <= SAME_TO * float(np.abs(own).max()):
         return
-    said = f"its input gain is {_shown(omega)}, and the plant's {_shown(own)}"
+    said = f"its input gain is {_shown(omega)} (the plant's is {_shown(own)})"
     gains = problem.known.gains
     if gains is None:
-        yield Departure(f"{said}; the gain is declared as known")
+        yield Departure(f"{said}, but the gain is declared as known")
     elif contains_up_to_rounding(gains, omega):
-        yield Departure(f"{said}; it lies in uncertainty.input_gain", within=True)
+        yield Departure(f"{said} and lies in uncertainty.input_gain", within=True)
     else:
-        yield Departure(f"{said}; it lies outside uncertainty.input_gain, {_of_set(gains)}")
+        yield Departure(f"{said} and lies outside uncertainty.input_gain, {_of_set(gains)}")
 
 
 def _of_the_rests(problem: Problem, simulated: TruePlant, theta: Array) -> Iterator[Departure]:
@@ -200,7 +200,7 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
     if problem.simulated is not None and problem.simulated.C is not None and fixed is not None:
         simulated_C, S = problem.simulated.C, problem.simulated.S
         if not np.array_equal(simulated_C, fixed.C if S is None else fixed.C @ S):
-            yield Departure("the quantities measured of its states differ from those that the observer expects")
+            yield Departure("its measured quantities differ from those that the observer expects")
     if simulated != designed:
         yield Departure("its state is measured by a different sensor")
 

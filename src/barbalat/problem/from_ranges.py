@@ -188,11 +188,11 @@ class FromRanges:
         if self.around:
             each = [f"{name} ({ends} at their corners)" if ends else name for name, ends in self.around.items()]
             found.append(
-                f"the parameters' ranges also change {', '.join(each)}: guarantees of the motion hold for the declared values; "
-                "margins over the ranges include the other values"
+                f"the parameters' ranges also change {', '.join(each)}: guarantees about the motion hold for the declared "
+                "values; margins over the ranges include the other values"
             )
         scale = ", ".join(f"{one:.3g}" for one in self.scale)
-        found.append(f"the states are weighted by their scales {scale}, {self.scale_from}")
+        found.append(f"the states are weighted by their scales {scale}, which are {self.scale_from}")
         if self.input_gain is not None or (self.theta.lower < self.theta.upper).sum() > 1:
             found.append(BOX_NOTE.format("the entries of theta" if self.input_gain is None else "theta and omega"))
         if self.outside:
@@ -213,12 +213,12 @@ class FromRanges:
                     there = f"[{own.lower[i]:.6g}, {own.upper[i]:.6g}]"
                     said.append(f"theta_{i + 1} in [{low[i]:.6g}, {high[i]:.6g}], not only in {there}")
             elif (away := float(np.linalg.norm(np.maximum(own.center - low, high - own.center)))) > own.radius * (1 + SAME_TO):
-                said.append(f"theta up to {away:.6g} from the centre, and the radius is {own.radius:.6g}")
+                said.append(f"theta up to {away:.6g} from the centre, but the radius is {own.radius:.6g}")
         for k, (least, most) in enumerate(self.input_gain or ()):
             name = f"omega_{k + 1}" if len(self.input_gain or ()) > 1 else "omega"
             found = f"{name} in [{least:.6g}, {most:.6g}]"
             if gains is None:
-                said.append(f"{found}, and the input's gain is assumed to be known")
+                said.append(f"{found}, but the input gain is assumed to be known")
             elif least < gains[k][0] * (1 - SAME_TO) or most > gains[k][1] * (1 + SAME_TO):
                 said.append(f"{found}, not only in [{gains[k][0]:.6g}, {gains[k][1]:.6g}]")
         return ", ".join(said)

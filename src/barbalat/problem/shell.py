@@ -101,7 +101,7 @@ class Shell(Settings):
         """Raise InputError for a missing baseline, and for a channel that is not among the measured ``names`` or, where commands
         are allowed, the ``commands``."""
         if self.fallback == "baseline" and without_baseline is not None:
-            raise InputError.of("shell.fallback", f"= 'baseline' {without_baseline}: hold, zero or fade")
+            raise InputError.of("shell.fallback", f"= 'baseline' {without_baseline}: use hold, zero or fade")
         for field_name in CHECKS:
             known = (*names, *commands) if field_name in OF_COMMANDS else names
             twice = [key for key in getattr(self, field_name) if known.count(key) > 1]

@@ -447,7 +447,7 @@ class Problem(TrackingProblem, Settings):
         if known_set.contains(values) or (self.simulated is not None and contains_up_to_rounding(known_set, values)):
             return None
         name = "theta" if self.simulated is None else "the plant's theta"
-        gains = "" if self.input_gain is None else " with the input's gain,"
+        gains = "" if self.input_gain is None else " with the input gain,"
         return (
             f"{name}{gains} {validate.show([float(f'{value:.6g}') for value in values])} lies outside the known set, {known_set}"
             ": projected estimates cannot reach it, and no guarantee that depends on the set holds"

@@ -296,7 +296,7 @@ class TrackingProblem:
     def _without_fallback(self) -> str | None:
         """The reason why no baseline can act after an outage; None if a baseline can act."""
         if self.fixed is None:
-            return "needs a case with a baseline controller, and this one has none"
+            return "needs a case with a baseline controller, but this case has none"
         if self.fixed.external:
             return "needs a baseline that the export computes, but baseline.external = true leaves it to other code"
         if self.fixed_observer is not None:

@@ -237,7 +237,9 @@ def _matrices(truth: Truth, plant: Plant, values: Mapping[str, float]) -> tuple[
     else:
         b = plant.b[: plant.states] if plant.physical is None else plant.physical.matrices(values)[1]
     if (1 if b.ndim == 1 else b.shape[1]) != plant.inputs:
-        raise InputError.of("truth.b", f"must have {validate.counted(plant.inputs, 'input')}, as plant.b, got {validate.show(b)}")
+        raise InputError.of(
+            "truth.b", f"must have {validate.counted(plant.inputs, 'input')}, like plant.b, got {validate.show(b)}"
+        )
     return A, b
 
 

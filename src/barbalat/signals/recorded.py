@@ -215,7 +215,7 @@ def variables(path: Path) -> dict[str, Array]:
         packed = contents(path, "the data file", FILE_BYTE)
         size, name = _unpacked(packed), f"the data file {validate.show(str(path))}"
         fits = lambda most: f"at most {most} bytes"  # noqa: E731
-        budget.require(name, size, FILE_BYTE.times, given=f"holds {size} bytes, unpacked, and", fits=fits)
+        budget.require(name, size, FILE_BYTE.times, given=f"holds {size} bytes when unpacked, and", fits=fits)
         found = loadmat(cast("Any", BytesIO(packed)), appendmat=False)  # missing in SciPy's stubs
     except InputError:
         raise

@@ -86,7 +86,7 @@ def test_the_sampled_law_on_a_fast_plant_turns_where_it_is_said_to(factor):
     (run,) = simulate(problem, [controller], Simulation(t_end=20.0, dt=T / 50)).values()
     (found,) = certify(problem, (controller,), run.simulation, keys=KEYS).values()
     assert found.values["gamma_max"] == pytest.approx(gamma / factor, rel=1e-3)
-    assert any("admits samples only up to" in finding for finding in found.findings) == (factor > 1)
+    assert any("admits sample times only up to" in finding for finding in found.findings) == (factor > 1)
     assert "error_bound" not in found.values
     assert (abs(run.theta_hat[-1, 0] - 0.1) < 1e-6) == (factor < 1)  # or beyond 1
     assert (run.label is None) == (factor < 1)
@@ -95,7 +95,7 @@ def test_the_sampled_law_on_a_fast_plant_turns_where_it_is_said_to(factor):
 def test_an_error_bound_is_given_only_where_the_law_can_be_trusted():
     chattering, continuous = certificate(euler(Mrac(gamma=1e4))), certificate(Mrac(gamma=1e4))
     assert not {"error_bound", "error_bound_worst"} & chattering.values.keys()
-    assert any("admits samples only up to" in finding and "error_bound" in finding for finding in chattering.findings)
+    assert any("admits sample times only up to" in finding and "error_bound" in finding for finding in chattering.findings)
     (run,) = simulate(PAPER, [euler(Mrac(gamma=1e4))], SIMULATION).values()
     assert max(run.figures["max_abs_e"]) > continuous.values["error_bound"]  # the limit would not have held
     calm = certificate(euler(Mrac(gamma=1e-4)))

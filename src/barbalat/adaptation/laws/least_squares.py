@@ -35,7 +35,7 @@ COVARIANCE_METRIC = Gain(np.eye(1))
 """The metric of any covariance law, whatever its initial covariance."""
 
 NO_LOWER_BOUND = "its covariance has no lower bound, which the proof of bounded theta_hat requires"
-NOT_PROPORTIONAL = "its V' is not proportional to the present error"
+NOT_PROPORTIONAL = "its V' is not proportional to the current error"
 
 
 class Memory(NamedTuple):

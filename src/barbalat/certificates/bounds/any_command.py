@@ -92,7 +92,7 @@ def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
             continue
         bound = max(bound, _cell(problem, loop, size, cell.low, cell.high, _norms).bound)
     if not math.isfinite(bound):
-        raise InputError("the small gain over a cell of the known set is not below 1")
+        raise InputError("the small-gain condition is not met over a cell of the known set")
     return bound, whole
 
 

@@ -104,7 +104,7 @@ def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end:
         raise InputError("the known set is a ball, but the response to the command is bounded over the cells of a box")
     states = _states(problem, loop)
     if states > MOST_STATES:
-        raise InputError(f"the loop has {states} states with its variations, and the limit is {MOST_STATES}")
+        raise InputError(f"the loop, with its variations, has {states} states, more than the limit of {MOST_STATES}")
     [command] = problem.commands
     signal, order = generator(command, t_end), itertools.count()
 
@@ -122,7 +122,7 @@ def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end:
             widest.halves.append(half[2])
             heapq.heappush(cells, half)
     if not math.isfinite(cells[0][2].bound):
-        raise InputError("the small gain over a cell of the known set is not below 1")
+        raise InputError("the small-gain condition is not met over a cell of the known set")
     return cells[0][2].bound, whole
 
 

@@ -159,7 +159,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     the shortest steps.
     """
     if loop.sampled:
-        return NotApplicable("it acts at samples, and it has no known continuous form")
+        return NotApplicable("the controller acts only at samples and has no known continuous form")
     why = why_no_rest(loop)
     if why is not None:
         return why

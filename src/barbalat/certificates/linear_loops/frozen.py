@@ -169,7 +169,8 @@ def small_gain(loop: StateSpace, error: ModellingError) -> float:
     largest = float(np.linalg.eigvals(T.A).real.max())
     if largest >= 0:
         raise InputError(
-            f"small gain needs a loop that is stable without modelling error, but an eigenvalue has real part {largest:.6g}"
+            f"the small-gain theorem needs a loop that is stable without modelling error, but an eigenvalue has real part "
+            f"{largest:.6g}"
         )
     w = np.unique(frequency_grid(T))
 

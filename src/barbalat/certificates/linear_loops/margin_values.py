@@ -36,7 +36,7 @@ PLAIN_LAW_ONLY = "it is given only for the plain law: with the modification the 
 """The reason why a law with leakage, a dead zone or a memory has no margin that includes the law."""
 
 
-UNSTABLE_WITH_LAW = "with its law linearised at the largest command the loop is unstable"
+UNSTABLE_WITH_LAW = "with its law linearised at the largest command, the loop is unstable"
 """The beginning of the reason why an unstable loop with its law has no margin."""
 
 

@@ -367,7 +367,7 @@ def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
         if follows(bends, blocks[-1] * BLOCK_SAMPLES):  # the more samples are followed, the lower the bounds
             samples = next(one * BLOCK_SAMPLES for one in blocks if follows(bends, one * BLOCK_SAMPLES))
             return found | {"samples": samples, "bends": bends}
-    raise InputError("its bounds are not shown with a witness of this form")
+    raise InputError("no witness of this form was found that shows its bounds")
 
 
 def disturbances(problem: Problem) -> tuple[Signal, ...]:

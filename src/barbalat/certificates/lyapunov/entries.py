@@ -21,9 +21,9 @@ from barbalat.protocols import Controller, LyapunovEquations
 from barbalat.validate import InputError
 
 OWN = {
-    "estimates_error_bound": Quantity("of every component of the estimates minus theta, at all times"),
+    "estimates_error_bound": Quantity("bound on every component of the estimates minus theta, at all times"),
     "lyapunov_decay": Quantity("what was shown about V, the Lyapunov function supplied by the law's author"),
-    "error_limit": Quantity("of |e|, for t to infinity"),
+    "error_limit": Quantity("limit of |e| as t goes to infinity"),
 }
 """The meanings of the keys that only a law with its own V has."""
 

@@ -113,7 +113,7 @@ class FreeRegressor:
         if len(x) != len(self._x) or any(
             not (a - b).is_zero for a, b in zip(self._ring.exact(np.asarray(x)), self._x, strict=True)
         ):
-            raise NotRational("it evaluates phi elsewhere than at x")
+            raise NotRational("it evaluates phi at a point other than x")
         return np.array([self._ring.variables[i] for i in self.places], dtype=object)
 
 

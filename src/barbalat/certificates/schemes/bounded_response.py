@@ -35,7 +35,7 @@ KEYS = ("error_bound", "error_bound_held", "state_bound", "control_bound")
 OF_NOISE = ("error_noise_rms", "control_noise_rms")
 OF_RESPONSES = {
     "error_bound_held": Quantity(
-        "bound on every component of x - x_m at all times, where x_m is that of the model under the sampled command"
+        "bound on every component of x - x_m at all times, where x_m is the model's state under the sampled command"
     ),
     "state_bound": Quantity("bound on every component of |x|, at all times"),
     "control_bound": Quantity("bound on every entry of |u|, at all times"),

@@ -103,7 +103,7 @@ def add_loop(draft: Draft, problem: Problem, loop: FixedLoop, t_end: float) -> N
     if problem.input_gain is not None and loop.gain is not None:
         draft.note(
             f"bounds on e hold for the input gain {loop.gain:g} that the controller assumes, not for all of "
-            "uncertainty.input_gain; margins in the known set hold for all of it"
+            "uncertainty.input_gain; margins over the known set hold for this whole interval"
         )
     if known_set is not None:
         _add_bound(draft, problem, loop, known_set.farthest_1(loop.theta_0), t_end)

@@ -123,13 +123,13 @@ OWN_QUANTITIES = (
         "disturbance_left": Quantity("fraction of a constant sigma that sigma_hat does not include, for each entry"),
         "sample_time_ratio": Quantity("ratio of T to the sample time for which the controller was designed"),
         "baseline_gain": Quantity(
-            "u relative to its baseline at low frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"
+            "ratio of u to its baseline part at low frequencies while the state still moves: 1/(1 - (1 - ratio) C(0))"
         ),
         "delay_margin_reference": Quantity(
-            "delay margin of the theory's reference system, to which the loop tends as T falls; compare delay_margin", "s"
+            "delay margin of the theory's reference system, to which the loop tends as T falls; compare with delay_margin", "s"
         ),
         "reference_distance": Quantity(
-            "bound on every component of x - x_ref at the samples; x_ref is the state of the reference system of the theory"
+            "bound on every component of x - x_ref at the samples; x_ref is the state of the theory's reference system"
         ),
         "reference_distance_between": Quantity("the same at all times, if r is held between samples in the reference system"),
     }

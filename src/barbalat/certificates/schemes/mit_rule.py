@@ -57,11 +57,11 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
     known, equations = problem.known, controller.bind(problem.known)
     omega = float(problem.plant.paths[0].gain)
     if equations.feedforward_only and not np.allclose(equations.gains.theta_hat0, problem.parameters / omega, rtol=1e-9, atol=0):
-        draft.missing(MARGIN, "the feedback's gains, fixed at theta_hat0, are not ideal, so e = 0 is not an equilibrium")
+        draft.missing(MARGIN, "the feedback gains, fixed at theta_hat0, are not ideal, so e = 0 is not an equilibrium")
         return
     kappa, steady = _loop_gain(known, equations, level, omega)
     if kappa == 0:
-        draft.missing(MARGIN, "G(0) = 0: at a constant command the rule is inactive")
+        draft.missing(MARGIN, "G(0) = 0, so the rule is inactive at a constant command")
         return
     slow = SLOW_ADAPTATION_RATIO * float(np.abs(np.linalg.eigvals(known.A_m).real).min()) / steady
     try:
@@ -72,7 +72,7 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
     draft.exact({MARGIN: finite(largest)}, f"kappa G(s)/s, the law linearised at the constant command {level:g}")
     if largest < 1:
         draft.note(
-            f"linearised at the constant command {level:g} the ideal gains are unstable: Gamma is {1 / largest:.3g} times too "
+            f"linearised at the constant command {level:g}, the ideal gains are unstable: Gamma is {1 / largest:.3g} times too "
             f"high, or the command {math.sqrt(1 / largest):.3g} times too large, and the gains diverge"
         )
 
@@ -101,5 +101,5 @@ def column(_problem: Problem, _controller: MitRule, certificate: Certificate) ->
     margin, text = certificate.entry(MARGIN), limits_text(certificate)
     if margin is not None and margin.applies:
         limit = "no gain of the law" if margin.value is None else f"{margin.value:.3g} times the law's gain"
-        text = f"linearised at the largest command {limit} is too high; {text}"
+        text = f"linearised at the largest command, {limit} is too high; {text}"
     return "MIT rule", {**unknown, "tuning": estimate("tuning", text), "margins": margins_cell(certificate)}

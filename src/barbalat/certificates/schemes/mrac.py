@@ -32,7 +32,7 @@ from barbalat.controllers import Mrac
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-ESTIMATES_STATEMENT = "V never grows; if phi is persistently exciting, which is not checked here, they converge to theta"
+ESTIMATES_STATEMENT = "V never grows; if phi is persistently exciting, which is not checked here, the estimates converge to theta"
 
 
 def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:

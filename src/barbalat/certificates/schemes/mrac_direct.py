@@ -50,14 +50,14 @@ MOST_INTERVALS = 10
 """Largest number of intervals: V(0) is evaluated with every input gain at an end of its interval, in up to a thousand
 combinations."""
 OWN_QUANTITIES = {
-    "k_x": Quantity("the feedback's ideal gains theta/omega", timeless=True),
-    "k_r": Quantity("the feedforward's ideal gain k_0/omega", timeless=True),
+    "k_x": Quantity("the ideal feedback gains theta/omega", timeless=True),
+    "k_r": Quantity("the ideal feedforward gain k_0/omega", timeless=True),
 }
 AT_REST = "with the gains fixed at their ideal values"
 BOTH_GAINS = "gamma_max is the limit on Gamma when gamma_r is scaled in proportion"
 ESTIMATES = (
-    "V never grows; if phi and r together are persistently exciting, which is not checked here, they converge to theta/omega "
-    "and k_0/omega"
+    "V never grows; if phi and r together are persistently exciting, which is not checked here, the estimates converge to "
+    "theta/omega and k_0/omega"
 )
 
 
@@ -151,7 +151,7 @@ def _acting(problem: Problem, gains: ControlGains) -> Assumption:
     """The disturbances that the bound on V includes: bounded disturbances, if both gains are projected."""
     found = carried_along(problem, gains.estimate_set)
     if disturbed.is_disturbed(problem) and gains.estimate_set is not None and gains.interval is None:
-        return replace(found, broken="disturbance, with a feedforward's gain that is not bounded by projection")
+        return replace(found, broken="disturbance, with a feedforward gain that is not bounded by projection")
     return found
 
 
@@ -217,7 +217,7 @@ def _all_reachable(problem: Problem, gains: ControlGains) -> Assumption:
     apart = (_each_omega(problem) != 1).any()
     return Assumption(
         "for every theta of the known set, theta/omega is in the set of the projection",
-        "an input's gain other than 1 without a known interval" if apart else "",
+        "an input gain other than 1 without a known interval" if apart else "",
     )
 
 

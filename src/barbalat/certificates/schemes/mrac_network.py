@@ -53,7 +53,7 @@ GROWTH = 1.02
 
 
 NO_BOUND = (
-    "without weights known to approximate theta'phi, its proof requires A_m to dominate theta'phi, which it does not do here"
+    "without weights known to approximate theta'phi, its proof requires A_m to dominate theta'phi, which is not the case here"
 )
 
 

@@ -40,8 +40,8 @@ def certificate(problem: Problem, controller: Controller, simulation: Simulation
     loop = ClosedLoop.of(problem, controller)
     if problem.delay and not loop.sampled and loop.observer is not None and loop.observer.B.any():
         draft.note(
-            "the observer of a continuous controller does not contain the delay of the input; that of a sampled controller does: "
-            "give it a sample_time"
+            "the observer of a continuous controller does not include the input delay, but that of a sampled controller does: "
+            "give the controller a sample_time"
         )
     if linear is not None:
         bounded_response.add(draft, problem, controller, simulation.t_end)

@@ -110,13 +110,14 @@ def _self_consistent(slope_within: Callable[[float], float], gain: float, forced
     for _ in range(MOST_ENLARGEMENTS):
         slope = slope_within(Y)
         if not gain * slope < 1:
-            product = f"||w -> y||_1 = {gain:.6g} times the slope of f, up to {slope:.6g} for |y| <= {Y:.6g}"
-            return NotApplicable(f"the small gain fails: {product}")
+            product = f"||w -> y||_1 = {gain:.6g} times the slope of f (up to {slope:.6g} for |y| <= {Y:.6g})"
+            return NotApplicable(f"the small-gain condition fails: {product} is not below 1")
         bound = forced / (1 - gain * slope) * OUTWARD_FACTOR
         if bound * OUTWARD_FACTOR <= Y or Y == 0:
             return bound, slope
         Y = ENLARGEMENT_FACTOR * bound
-    return NotApplicable(f"the small gain fails: the slope of f grows with |y|, and no bound is reached below |y| = {Y:.6g}")
+    why = f"the slope of f grows with |y|, and no bound is reached below |y| = {Y:.6g}"
+    return NotApplicable(f"the small-gain condition fails: {why}")
 
 
 def linear_loop(problem: OutputProblem, controller: Controller) -> tuple[Array, Array, Array, Array]:
@@ -209,7 +210,7 @@ def _steady(problem: OutputProblem, steady: dict[str, float]) -> Entry:
         return nothing("tracking", "e does not converge to zero in general: f(t, y) acts")
     text = "converges to zero for the case's r and d"
     if max(map(abs, steady.values())) >= NEGLIGIBLE_STEADY_ERROR:
-        text = f"an error of {steady['r']:.4g} r and {steady['d']:.4g} d remains, with the final r and d"
+        text = f"an error of {steady['r']:.4g} r and {steady['d']:.4g} d remains, where r and d have their final values"
     acts = "disturbance at the output" if problem.output_disturbance is not None else ""
     alone = Assumption("there is no disturbance at the output", acts)
     return statement("tracking", text, *SMALL_GAIN, constant_in_the_end(problem), alone)

@@ -136,7 +136,7 @@ def _transient(problem: Problem, controller: NormalizedMrac | RobustMrac, *rests
 def _estimates(found: Guarantee, linear: bool) -> str:
     if found.estimates is Estimates.PULLED:
         return "bounded, and pulled towards zero"
-    exciting = "; if phi/m_s is persistently exciting, which is not checked here, they converge to theta"
+    exciting = "; if phi/m_s is persistently exciting, which is not checked here, the estimates converge to theta"
     return f"V of the law never grows{exciting if found.bounded and linear else ''}"
 
 

@@ -125,12 +125,14 @@ def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
     at_rest = ""
     if radius is not None:
         verdict = "stable" if radius < 1 else "unstable"
-        at_rest = f"; with its law linearised at the largest command the sampled loop is {verdict}, spectral radius {radius:.4g}"
+        at_rest = (
+            f"; with its law linearised at the largest command, the sampled loop is {verdict} with spectral radius {radius:.4g}"
+        )
     if not whole_loop:
-        return f"with |x| at its bound the law admits samples only up to {step_max:.3g} s{at_rest}"
+        return f"with |x| at its bound the law admits sample times only up to {step_max:.3g} s{at_rest}"
     return (
-        f"Euler's method is stable on the whole loop including the plant, at its equilibrium up to steps of about {step_max:.3g} "
-        f"s: the sampled controller, with exact motion of the plant, may be unstable{at_rest}"
+        f"on the whole loop including the plant, at its equilibrium, Euler's method is stable up to steps of about "
+        f"{step_max:.3g} s; the sampled controller, with exact motion of the plant, may be unstable{at_rest}"
     )
 
 
@@ -169,7 +171,7 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
             at = "with its law linearised at the largest command"
         elif radius.rest is not None and radius.rest.estimates:
             at = "with its estimates frozen"
-        about = f"{why}; the sampled-data loop {at} is {verdict}, spectral radius {radius.value:.4g}"
+        about = f"{why}; the sampled-data loop {at} is {verdict} with spectral radius {radius.value:.4g}"
         cells["stability"] = nothing("stability", about)
     cells |= bounded_response.cells(certificate)
     if controller.discretization == "midpoint":
@@ -189,6 +191,6 @@ def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled,
     if rests_on is None:
         return otherwise
     more = "" if form.kept else ", and the leakage w at most T w |theta|^2/2"
-    only = "only the deviation of the plant's motion between samples from the midpoint rule adds to it"
-    text = f"V of the law does not grow at any gain and sample time; {only}{more}"
+    only = "only the plant's motion between samples, where it deviates from the midpoint rule, adds to V"
+    text = f"the law's V does not grow at any gain and sample time; {only}{more}"
     return statement("estimates", text, *(each for each in rests_on if each != ACTS_CONTINUOUSLY), form.never_cut)

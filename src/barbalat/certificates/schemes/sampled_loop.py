@@ -27,7 +27,7 @@ OF_SAMPLED_LOOPS = {
     "spectral_radius": Quantity("spectral radius of the sampled-data closed loop: stable below 1"),
     "spectral_radius_adapting": Quantity("the same including its law, at the equilibrium under the largest constant command"),
     "sample_time_max": Quantity(
-        "largest sample time, starting from the present one, at which that loop with its law is stable", "s"
+        "largest sample time, starting from the current one, at which that loop with its law is stable", "s"
     ),
     "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for independent measurement noise of standard deviation 1"),
     "noise_in_u": Quantity("the same of u"),
@@ -112,8 +112,8 @@ def _add_of_several(
     """Add the margins of several inputs: for a common factor on all inputs, and for each input alone."""
     delay = problem.delay
     draft.note(
-        "gain_margin, gain_reduction_margin, delay_margin: for a common factor or delay in all inputs; _each: for one input "
-        "separately"
+        "gain_margin, gain_reduction_margin and delay_margin are for a common factor or delay in all inputs; the keys with _each "
+        "are for one input separately"
     )
     down, up = gain_margins(loop, delay)
     draft.exact({"gain_margin": finite(up), "gain_reduction_margin": down}, f"{name}, at all inputs together", linear, rest=rest)

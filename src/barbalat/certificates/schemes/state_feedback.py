@@ -116,9 +116,9 @@ def lyapunov_estimates(problem: Problem, controller: laws.ModifiedScheme, certif
         return nothing("estimates", void)
     text = "theta_tilde'Gamma^-1 theta_tilde never exceeds its initial value"
     if bounded and controller.learning is not None and controller.learning.forgetting == 0:
-        text += "; once the memory contains every direction, which is not checked here, they converge to theta"
+        text += "; once the memory contains every direction, which is not checked here, the estimates converge to theta"
     elif bounded and controller.learning is None:
-        text += "; if phi is persistently exciting, which is not checked here, they converge to theta"
+        text += "; if phi is persistently exciting, which is not checked here, the estimates converge to theta"
     return statement("estimates", text, *of_the_lyapunov_law(problem, controller, certificate))
 
 

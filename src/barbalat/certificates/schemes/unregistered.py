@@ -29,7 +29,7 @@ from barbalat.solvers.simulation import Simulation
 
 NONE_KNOWN = "no proof is known for this controller"
 WHOLE_LOOP = "the whole loop, including the plant"
-MANY_RESTS = "the loop has many equilibria, and it differs between them"
+MANY_RESTS = "the loop has many equilibria, and this margin differs between them"
 
 
 def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
@@ -75,9 +75,8 @@ def _add_step(draft: Draft, simulation: Simulation, moving: Rest | NotApplicable
         if of_a_part is not None and of_a_part <= step:
             return
         rests_on = (
-            f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without the delay and limits: an "
-            f"estimate "
-            "for the loop in motion"
+            f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without the delay and limits; "
+            "it is an estimate for the loop in motion"
         )
         draft.estimate({"step_max": step}, rests_on, of=WHOLE_LOOP, rest=moving.found)
 
@@ -128,7 +127,8 @@ def _add_frozen(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, still:
     which = f"{'with its estimates frozen, ' if loop.parameters else ''}linearised {_at(still)}{still.place}"
     if loop.inputs > 1:
         draft.missing(
-            "delay_margin", "for a common delay in all inputs it is not known; delay_margin_each is for each input separately"
+            "delay_margin",
+            "the margin for a common delay in all inputs is not known; delay_margin_each is for each input separately",
         )
         add_margins_of_each(draft, problem, [still.broken_at(i, frozen=True) for i in range(loop.inputs)], which, still.found)
     else:
@@ -160,7 +160,7 @@ def _of_its_V(certificate: Certificate) -> dict[str, Entry]:
     decay, bound, of_estimates, limit = found.values()
     cells = {}
     if decay is not None and bound is not None:
-        cells["stability"] = statement("stability", f"whatever V contains stays bounded: {decay.value}", *decay.rests_on)
+        cells["stability"] = statement("stability", f"every quantity in V stays bounded: {decay.value}", *decay.rests_on)
         cells["transient"] = statement("transient", f"every |e_i| <= {up(bound.value)}", *bound.rests_on)
     if of_estimates is not None:
         cells["estimates"] = statement("estimates", f"every |theta_tilde_i| <= {up(of_estimates.value)}", *of_estimates.rests_on)

@@ -20,7 +20,7 @@ UNUSED_BITS = 11
 never 0."""
 
 _HIGH_HALF = """
-; the upper 64 bits of the product of two whole numbers of 64, by halves (Knuth, Seminumerical Algorithms, 4.3.1)
+; the upper 64 bits of the product of two 64-bit integers, computed by halves (Knuth, Seminumerical Algorithms, 4.3.1)
 define internal i64 @high_half(i64 %a, i64 %b) noinline {
   %a.low = and i64 %a, 4294967295
   %a.high = lshr i64 %a, 32

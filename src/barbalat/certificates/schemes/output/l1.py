@@ -81,7 +81,7 @@ def certificate(problem: OutputProblem, controller: L1Output, simulation: Simula
         draft.note(
             "(20) is evaluated for the design plant, which differs from the plant; the bounds and margins are for the plant"
         )
-    pair = "gamma_max and step_max are those of the pair sigma, y_hat: estimates for the loop"
+    pair = "gamma_max and step_max are those of the pair sigma, y_hat; for the loop they are estimates"
     draft.estimate({"adaptation_frequency": math.sqrt(controller.gamma * controller.m)} | _limits(controller, simulation), pair)
     add_step_of_modes(draft, problem, controller, simulation)  # a plant or filter is faster than this pair
     equivalent, tends_to = linear_equivalent(controller), fast_limit(controller)
@@ -93,8 +93,8 @@ def certificate(problem: OutputProblem, controller: L1Output, simulation: Simula
     if "delay_margin" in limit:
         draft.exact({"delay_margin_limit": limit["delay_margin"]}, "for gamma -> infinity", LINEAR_LOOP)
     draft.note(
-        "inside the bounds of sigma this controller is linear, with a pole at s = 0: integral action; projection stops the "
-        "integrator at the bounds: anti-windup"
+        "inside the bounds of sigma this controller is linear and has integral action, a pole at s = 0; projection stops the "
+        "integrator at the bounds, which is anti-windup"
     )
     return draft.finish()
 
@@ -140,7 +140,7 @@ def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> fl
         draft.note(f"lipschitz = {given:g} is not a Lipschitz constant of f: the slope reaches {least:.6g} {where}")
         return least
     if slope is None:
-        draft.note(f"that lipschitz = {given:g} bounds the slope of f is an assumption, not shown")
+        draft.note(f"lipschitz = {given:g} is assumed, but not shown, to bound the slope of f")
     return given
 
 
@@ -208,7 +208,7 @@ def column(problem: OutputProblem, controller: L1Output, certificate: Certificat
     return "L1 output feedback (18)-(21), a linear controller with integral action", {
         **cells_of_linear_loop(problem, certificate, inside),
         "estimates": advice("estimates", "sigma is the state of an integrator, not a parameter estimate"),
-        "modelling_error": estimate("modelling_error", "that of its linear loop: see the margins"),
+        "modelling_error": estimate("modelling_error", "the robustness of its linear loop; see the margins"),
         "tuning": estimate("tuning", f"{limits_text(certificate)}; {stated}"),
         "margins": margins_cell(certificate),
     }

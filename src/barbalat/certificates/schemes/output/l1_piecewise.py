@@ -146,7 +146,9 @@ OWN_QUANTITIES = (
         "linear_equivalent_limit": Quantity("u = feedforward[r] - feedback[y] for T -> 0", form=Form.TRANSFER_FUNCTIONS),
         "delay_margin_limit": Quantity("delay_margin for T -> 0", "s"),
         "disturbance_left": Quantity("fraction of the effect of a constant sigma on y that sigma_hat does not include"),
-        "error_bound_held": Quantity("bound on |y - y_m| at all times, where y_m is that of the model under the sampled command"),
+        "error_bound_held": Quantity(
+            "bound on |y - y_m| at all times, where y_m is the model's output under the sampled command"
+        ),
     }
 )
 FOR_SMALL_T = "for T -> 0"
@@ -179,7 +181,7 @@ def certificate(problem: OutputProblem, controller: L1OutputPiecewiseConstant, s
     limit = margins_of(problem, (feedback * problem.plant.transfer_function).realise(), FOR_SMALL_T, draft.notes)
     if "delay_margin" in limit:
         draft.exact({"delay_margin_limit": limit["delay_margin"]}, FOR_SMALL_T, LINEAR_LOOP)
-    draft.note("a linear sampled controller, whose only tunable gain is T, without adaptation")
+    draft.note("this is a linear sampled controller without adaptation, whose only tunable gain is T")
     return draft.finish()
 
 

@@ -119,7 +119,7 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
     known, pulled = found.estimates is not Estimates.UNKNOWN, found.estimates is Estimates.PULLED
     settled = "V of the law never grows"
     if found.bounded:
-        settled += "; if the regressor is persistently exciting, which is not checked here, they converge"
+        settled += "; if the regressor is persistently exciting, which is not checked here, the estimates converge"
     auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no numerical bound is known"
 
     def claimed(key: str, text: str, holds: bool) -> Entry:
@@ -170,10 +170,10 @@ def _robustness(problem: OutputProblem, controller: MracOutput, found: Guarantee
 
 
 LYAPUNOV = (
-    "adaptation_frequency, gamma_max and step_max: estimates, of the loop with the estimates frozen at {where} "
+    "adaptation_frequency, gamma_max and step_max are estimates for the loop with theta_hat frozen at {where} "
     "and the regressor at its largest value there"
 )
-NORMALISED = "gamma_max and step_max: estimates, of the plain law with a frozen regressor, without filters and plant"
+NORMALISED = "gamma_max and step_max are estimates for the plain law with a frozen regressor, without filters and plant"
 GAIN_FRACTIONS = np.geomspace(1e-12, 1.0, 240)
 """Fractions of the largest g at which the loop is checked, in addition to g = 0."""
 
