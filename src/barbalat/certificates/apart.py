@@ -150,5 +150,30 @@ def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate]
         entries = tuple(of_the_design(one) if one.key in voided else one for one in certificate.entries)
         for unmet in unmet_by(problem):
             entries = tuple(of_the_design(one, unmet) if _claims_more(one) else one for one in entries)
-        noted[name] = certificate.with_entries(entries, *shared, *own) if shared or own else certificate
+        noted[name] = certificate.with_entries(_with_units(problem, entries), *shared, *own)
     return noted
+
+
+OF_STATES = frozenset(
+    {
+        "error_bound",
+        "error_bound_worst",
+        "error_bound_command",
+        "error_bound_held",
+        "error_rms_bound",
+        "state_bound",
+        "reference_error_bound",
+        "reference_distance",
+        "reference_distance_between",
+    }
+)
+"""The keys of values that are one number for every component of a state."""
+
+
+def _with_units(problem: TrackingProblem, entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
+    """The entries with the declared units of the states; none if the state also contains those of a baseline."""
+    labels = problem.labels
+    if labels is None or len(labels.units) != len(problem.model.x0):
+        return entries
+    unit = labels.every_unit[1:-1]
+    return tuple(replace(one, quantity=one.quantity._replace(unit=unit)) if one.key in OF_STATES else one for one in entries)

@@ -4,6 +4,7 @@ set."""
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from barbalat.certificates import theorems
 from barbalat.certificates.entry import Assumption
@@ -30,6 +31,9 @@ ERROR_ASSUMED = "this assumes |e| <= nu_0/sqrt(Gamma), which is not proven for t
 
 OUTSIDE_THE_SET = "theta outside the known set"
 
+THE_CASE_S = Assumption("theta and the input's gain are the case's")
+"""This holds by construction of a sampled linear loop, whose bounds are for no other plant of the known set."""
+
 START_TOGETHER = Assumption("x_m(0) = x(0), and the predictor also starts there")
 """This holds by construction: the model and every predictor start at the plant's x0."""
 
@@ -50,6 +54,11 @@ def nominal(problem: TrackingProblem, *, gain_adapted: bool = False, acting: Ass
     """
     plant = exact_plant(problem, gain_adapted=gain_adapted), acting or undisturbed(problem), measured(problem)
     return *plant, bounded_command(problem), START_TOGETHER, ACTS_CONTINUOUSLY
+
+
+def of_linear_loop(*assumptions: Assumption) -> tuple[Assumption, ...]:
+    """The same assumptions for a linear loop, which needs other theorems without them than an adaptive loop."""
+    return tuple(replace(one, theorem=theorems.of_linear_loop(one.theorem)) for one in assumptions)
 
 
 def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assumption:

@@ -48,7 +48,7 @@ QUANTITIES = {
     "bounds": Quantity("bounds on |r| and on every component of x_m, at all times", form=Form.BOUNDS, timeless=True),
     "norms": Quantity("L1 norms, enclosed", form=Form.NORMS, timeless=True),
     "condition": Quantity("a norm times a size; the condition holds if it is below 1", form=Form.CONDITION, timeless=True),
-    "error_bound": Quantity("bound on every component of e, at all times"),
+    "error_bound": Quantity("one number that bounds every component of e, each in its own unit, at all times"),
     "error_bound_worst": Quantity("the same for the worst theta of the known set"),
     "error_bound_command": Quantity(
         "bound on every component of e for any theta of the known set, under the case's command up to t_end"

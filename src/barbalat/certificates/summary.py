@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from barbalat.certificates.assumptions import THE_CASE_S
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import MOST_SHOWN, OF_THE_DESIGN, Entry, speaks_of_the_motion
 from barbalat.certificates.linear_loops.margin_values import UNSTABLE_WITH_LAW
 from barbalat.certificates.rows import said_of, up
+from barbalat.certificates.theorems import DISTURBED_SET
 from barbalat.pictures.symbols import held
 
 
@@ -69,7 +71,14 @@ def _bound(certificate: Certificate) -> Line:
         theorem = "" if bound is None or not bound.theorem else f". What is missing: {bound.theorem}"
         why = "not known for this scheme" if bound is None else bound.why
         return Line("bound of e", f"none: {why}{theorem}", "does not apply")
-    text = f"{held(bound.kind)}: {up(bound.value)}"
+    text = f"{held(bound.kind)}: {up(bound.value)}{_of_unit(bound.unit)}"
+    if THE_CASE_S in bound.rests_on:
+        loops = certificate.values.get("margins_over_known_set") or ()
+        over = dict.fromkeys(one.get("over", "the known set") for one in loops if "unstable_at" in one)
+        unstable = f"; the loop is unstable for part of {' and of '.join(over)}" if over else ""
+        text += f", for the case's theta and input gain only{unstable}"
+    elif worst is not None and worst.theorem == DISTURBED_SET:
+        text += ", for the case's theta only"
     if worst is not None and worst.applies and worst.value is not None:
         kind = "" if worst.kind == bound.kind else f"{held(worst.kind)}: "
         text += f"; {kind}{up(worst.value)} for any theta of the known set"
@@ -78,6 +87,11 @@ def _bound(certificate: Certificate) -> Line:
         kind = "" if command.kind == bound.kind else f"{held(command.kind)}: "
         text += f"; {kind}{up(command.value)} under the case's command, for any theta of the known set"
     return Line("bound of e", text, bound.kind)
+
+
+def _of_unit(unit: str) -> str:
+    """The unit of a bound on every component, or the units of the components."""
+    return f", each component in its own unit ({unit})" if ", " in unit else f" {unit}" if unit else ""
 
 
 LINEAR = "linear, without limits"

@@ -13,9 +13,11 @@ UNMODELLED = "Theorem 2 with computed constants: the largest Delta_m, and a boun
 INPUT_GAIN = "Theorem 1 with the input's gain among the parameters of V, and a law that adapts it"
 UNMATCHED_RESTS = "Theorem 1 with unmatched uncertainty, by a small-gain argument from x to e"
 DISTURBANCE = "this scheme's theorem with a V that accounts for a bounded disturbance"
+DISTURBED_SET = "Theorem 1 with disturbances for every theta of the known set, and not only for the case's theta"
 UNPROJECTED = "Theorem 1 with disturbances for estimates without projection, or for a memory that learns from disturbances"
 OUTPUT_DISTURBANCE = "Theorem 1 with a disturbance at the output, which enters the adaptive law too"
-MEASUREMENT = "Theorem 1 with a measurement error, which enters the adaptive law; Gaussian noise has no bound"
+MEASUREMENT = "Theorem 1 with a bounded measurement error, which enters the adaptive law"
+GAUSSIAN = "no theorem: a bound on e needs a bound on the noise"
 BOUNDED_COMMAND = "no theorem: a bound on e needs a bound on r"
 SAMPLED = "a sampled-data version of Theorem 1, in which V also accounts for the plant's motion between samples"
 THETA_OUTSIDE = "Theorem 1 for a theta outside the set of the projection, where projection may make V grow"
@@ -34,7 +36,15 @@ LINEAR_SMALL_GAIN = "a robust bound for the linear loop under a weaker condition
 SAMPLED_BASELINE = "the impulse sums of the sampled loop, including the states of the baseline"
 OBSERVER = "Theorem 1 with an observer's error in the adaptive law, and a bound on that error while theta is unknown"
 CONTINUOUS_OBSERVER = "the impulse sums of a sampled linear loop, for a continuous controller with an observer"
-LINEAR_UNSTABLE = "no theorem: the linear loop with the nominal parameters is unstable"
+LINEAR_UNSTABLE = "no theorem: the linear loop is unstable"
+LINEAR_DELAY = "the L1 norms of a continuous linear loop with a delay at its input"
+LINEAR_ADDITIONS = "the L1 norms of the continuous linear loop with its actuator, its sensor and its disturbances"
+LINEAR_LIMITS = "an invariant set of the linear loop in which its input stays within its limits"
+LINEAR_FAMILY = (
+    "a small-gain condition for the linear loop over unmodelled dynamics, unmatched parameters or an interval of input gains"
+)
+LINEAR_SAMPLED = "the impulse sums of the sampled linear loop for every theta of the known set"
+LINEAR_THETA = "no theorem: a small-gain condition over the known set covers no theta outside it"
 LINEAR_BEYOND = "a small-gain condition for the linear controller's loop with several inputs or with phi(x) instead of x"
 SLOPE = "a bound with f(t, y) that is less conservative than the small-gain bound with the slope of f"
 OUTPUT_LOOP = "a bound for the linear loop with limits, a delay, noise or unbounded signals"
@@ -42,6 +52,29 @@ UNKNOWN_LAW = "a Lyapunov function of this law; the package has none"
 REFUSED_V = "another V of this law, for which V' <= -W can be shown"
 
 
+def of_linear_loop(theorem: str) -> str:
+    """The theorems that a linear loop lacks where an adaptive loop lacks these; others are kept."""
+    linear = {
+        DELAY: LINEAR_DELAY,
+        LIMITS: LINEAR_LIMITS,
+        QUANTIZATION: LINEAR_ADDITIONS,
+        ACTUATOR: LINEAR_ADDITIONS,
+        DISTURBANCE: LINEAR_ADDITIONS,
+        OUTPUT_DISTURBANCE: LINEAR_ADDITIONS,
+        MEASUREMENT: LINEAR_ADDITIONS,
+        UNMODELLED: LINEAR_FAMILY,
+        INPUT_GAIN: LINEAR_FAMILY,
+        UNMATCHED_RESTS: LINEAR_FAMILY,
+        SAMPLED: LINEAR_SAMPLED,
+        THETA_OUTSIDE: LINEAR_THETA,
+        OBSERVER: CONTINUOUS_OBSERVER,
+    }
+    return joined(linear.get(one, one) for one in theorem.split(SEPARATOR))
+
+
+SEPARATOR = "; "
+
+
 def joined(theorems: Iterable[str]) -> str:
     """The distinct theorems, in order, as one sentence."""
-    return "; ".join(dict.fromkeys(filter(None, theorems)))
+    return SEPARATOR.join(dict.fromkeys(one for each in theorems if each for one in each.split(SEPARATOR)))

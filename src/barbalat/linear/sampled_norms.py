@@ -26,6 +26,7 @@ MOST_PROVEN = 24_000
 """Largest number of samples that ``barbalat-check`` follows."""
 BLOCK_SAMPLES = 64
 """Number of samples that are summed together."""
+UNSTABLE = "the sampled-data loop is unstable"
 TOO_CLOSE = "the sampled-data loop is too close to instability, or its states differ too much in size, for a bound"
 
 
@@ -66,7 +67,7 @@ class SampledNorms:
         M, (scale, _) = matrix_balance(self.M, permute=False, separate=True)  # by powers of two: exact
         C, s = self.C * scale, (s.T / scale).T
         if not np.abs(np.linalg.eigvals(M)).max() < 1:
-            raise InputError("the discrete-time loop is unstable")
+            raise InputError(UNSTABLE)
         root, lost = _contraction(M)
         if self.proven is not None:
             lost = _of_share(_share(lost) * CERTAIN_SHARE)

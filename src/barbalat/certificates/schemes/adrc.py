@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates import theorems
-from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, nominal
+from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, nominal, of_linear_loop
 from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
@@ -68,7 +68,7 @@ def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> C
     if loop is None:
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         why = "a bound is known only for one input with phi(x) = x"
-        draft.missing("error_bound", why, *nominal(problem), theorem=theorems.LINEAR_BEYOND)
+        draft.missing("error_bound", why, *of_linear_loop(*nominal(problem)), theorem=theorems.LINEAR_BEYOND)
         add_linearised(draft, problem, controller, simulation)
         return draft.finish()
     add_loop(draft, problem, loop, simulation.t_end)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from barbalat.certificates import theorems
-from barbalat.certificates.assumptions import bounded_command
+from barbalat.certificates.assumptions import THE_CASE_S, bounded_command
 from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry, NotApplicable
@@ -26,6 +26,7 @@ from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.rows import up
 from barbalat.linear.enclosure import OUTWARD_FACTOR
+from barbalat.linear.sampled_norms import UNSTABLE
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal, Controller
@@ -49,8 +50,6 @@ RMS = "error_rms_bound"
 OF_THE_LOOP = "in sampled-data form with the case's theta"
 SAME_INSTANT = 1e-9
 """Relative difference up to which two sample times count as equal."""
-THE_CASE_S = Assumption("theta is the case's")
-"""This holds by construction of the loop."""
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: float) -> None:
@@ -65,8 +64,11 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
     try:
         found = response(problem, controller, bounds_of(problem.commands), bounds_of(disturbances(problem)))
     except InputError as error:
-        draft.all_missing(KEYS, str(error), theorem=theorems.OUTPUT_LOOP)
+        theorem = theorems.LINEAR_UNSTABLE if str(error) == UNSTABLE else theorems.OUTPUT_LOOP
+        draft.all_missing(KEYS, str(error), theorem=theorem)
         return
+    if problem.input_gain is not None:
+        draft.note("bounds on e, x and u hold for the case's input gain, not for all of uncertainty.input_gain")
     linear, quiet = _linear(problem, found), _quiet(problem)
     draft.guarantee("error_bound_held", found.held, *linear, quiet)
     draft.guarantee("state_bound", found.x, *linear, quiet)
@@ -152,7 +154,7 @@ def _linear(problem: Problem, found: Response) -> tuple[Assumption, ...]:
 
 def _quiet(problem: Problem) -> Assumption:
     noisy = "" if problem.noise is None else "Gaussian measurement noise has no bound"
-    return Assumption("the measurement has no noise", noisy, theorems.MEASUREMENT)
+    return Assumption("the measurement has no noise", noisy, theorems.GAUSSIAN)
 
 
 def _never_limited(problem: Problem) -> Assumption:
@@ -167,11 +169,11 @@ def _listed(words: list[tuple[str, bool]]) -> str:
 def cells(certificate: Certificate) -> dict[str, Entry]:
     """The cells of Table 1 that follow if the bounds are guaranteed; otherwise no cells."""
     state, error = certificate.entry("state_bound"), certificate.entry("error_bound")
-    found = {}
+    found, within = {}, "for every r and d within the case's bounds, with the case's theta and input gain only"
     if state is not None and state.kind == "guaranteed":
-        text = f"for every r and d within the case's bounds: |x| <= {up(state.value)}"
+        text = f"{within}: |x| <= {up(state.value)}"
         found["stability"] = statement("stability", text, *state.rests_on)
     if state is not None and error is not None and error.kind == "guaranteed":
-        text = f"|e| <= {up(error.value)} at all times, for every r and d within the case's bounds"
+        text = f"|e| <= {up(error.value)} at all times, {within}"
         found["transient"] = statement("transient", text, *error.rests_on)
     return found

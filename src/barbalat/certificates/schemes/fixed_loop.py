@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates import theorems
-from barbalat.certificates.assumptions import FREQUENCIES_TRIED, constant_in_the_end, nominal, theta_in_the_set
+from barbalat.certificates.assumptions import FREQUENCIES_TRIED, constant_in_the_end, nominal, of_linear_loop, theta_in_the_set
 from barbalat.certificates.bounds import any_command, known_command, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
@@ -27,7 +27,8 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.linear_loops.over_known_set import robustness
-from barbalat.certificates.requested_keys import is_needed
+from barbalat.certificates.linear_loops.over_ranges import MARGINS_KEY
+from barbalat.certificates.requested_keys import is_left_out, is_needed
 from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.output_feedback import NEGLIGIBLE_STEADY_ERROR
 from barbalat.linear.enclosure import Enclosure
@@ -94,13 +95,14 @@ class FixedLoop:
 
     def rests_on(self, problem: Problem) -> tuple[Assumption, ...]:
         """The assumptions of the bound on the error."""
-        return (*nominal(problem, gain_adapted=self.gain is not None), *self.own, theta_in_the_set(problem))
+        plant = nominal(problem, gain_adapted=self.gain is not None)
+        return of_linear_loop(*plant, *self.own, theta_in_the_set(problem))
 
 
 def add_loop(draft: Draft, problem: Problem, loop: FixedLoop, t_end: float) -> None:
     """Add the bound on the error in the form of Theorem 1, margins and peaks for the true plant, and mu of the family."""
     known_set = problem.uncertainty
-    if problem.input_gain is not None and loop.gain is not None:
+    if problem.input_gain is not None and loop.gain is not None and not is_left_out(MARGINS_KEY):
         draft.note(
             f"bounds on e hold for the input gain {loop.gain:g} that the controller assumes, not for all of "
             "uncertainty.input_gain; margins over the known set hold for this whole interval"

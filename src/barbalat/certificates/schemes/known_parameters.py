@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from barbalat.certificates.assumptions import of_linear_loop
 from barbalat.certificates.cells import advice, estimate, margins_cell, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
@@ -25,7 +26,7 @@ def certificate(problem: Problem, controller: KnownParameters, simulation: Simul
 def column(problem: Problem, controller: KnownParameters, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     given = "" if np.array_equal(controller.theta, problem.parameters) else "parameters other than the plant's"
-    rests_on = (*of_the_case(problem, None, 0.0), Assumption("the parameters are the plant's", given))
+    rests_on = of_linear_loop(*of_the_case(problem, None, 0.0), Assumption("the parameters are the plant's", given))
     return "known parameters, u = k_0 r - theta'phi(x)", {
         "stability": statement("stability", f"for {commands_and_gains(problem)[0]}", *rests_on),
         "tracking": statement("tracking", "x is x_m", *rests_on),

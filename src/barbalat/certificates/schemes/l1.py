@@ -34,6 +34,7 @@ from barbalat.certificates.schemes import midpoint, mrac
 from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
     add_margins_at_rest,
+    add_no_bound_over_the_set,
     add_parameter_errors,
     carried,
     lyapunov_estimates,
@@ -89,7 +90,9 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         _without_projection(draft, problem, controller)
     else:
         reach = _add_bound_10(draft, problem, controller, C, model)
-        if reach is not None and (is_needed(known_command.KEY) or is_needed(any_command.KEY)):
+        if reach is not None and disturbed.is_disturbed(problem):
+            add_no_bound_over_the_set(draft, problem)
+        elif reach is not None and (is_needed(known_command.KEY) or is_needed(any_command.KEY)):
             _add_bounds_over_cells(draft, problem, controller, simulation.t_end)
     if reach is None:  # no bound on x is known: use the model's bound as an assumption, and say so
         reach, assumed = StateReach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
@@ -130,7 +133,7 @@ def grounds(problem: Problem, controller: L1Adaptive, _: Simulation) -> dict[str
 
 def midpoint_form(problem: Problem, controller: L1Adaptive, sample_time: float) -> midpoint.MidpointForm:
     """The midpoint form of the predictor; with C = 1, the midpoint form of MRAC."""
-    delayed = () if controller.filter is not None else (mrac.one_sample_of_delay(sample_time),)
+    delayed = () if controller.filter is not None else mrac.one_sample_of_delay(problem, sample_time)
     return midpoint.of_predictor(problem, controller, *delayed)
 
 
@@ -168,6 +171,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
         theorem = laws.theorem_of_modified(controller, problem)
         draft.missing("error_bound", void, *of_the_case(problem, controller.bind(known).estimate_set), theorem=theorem)
         draft.missing("reference_error_bound", void)
+        add_no_bound_over_the_set(draft, problem, void)
         return None
     rests_on = (*of_the_case(problem, controller.bind(known).estimate_set), FILTER_AT_REST)
     kappa = theorem_1.time_constant(controller.filter)
@@ -181,6 +185,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
         why = f"{not_below}: bound (10) gives no information here"
         draft.missing("error_bound", why, *rests_on, theorem=theorems.FILTER_NOT_SMALL)
         draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
+        add_no_bound_over_the_set(draft, problem, not_below)
         return None
     undisturbed = laws.error_level(problem, controller, nu_0)
     draft.guarantee("reference_error_bound", theorem_1.reference_error_bound(undisturbed, found, C), *rests_on)

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.certificates.assumptions import bounded_command, exact_plant, measured, undisturbed
+from barbalat.certificates.assumptions import bounded_command, exact_plant, measured, of_linear_loop, undisturbed
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
@@ -216,7 +216,8 @@ def rests_on(problem: Problem) -> tuple[Assumption, ...]:
     nonlinear = "" if problem.plant.is_linear else "phi(x) is not x"
     start = Assumption("predictor and reference system start at x(0), the filter at rest")
     linear = Assumption("phi(x) = x, and theta is the case's", nonlinear)
-    return exact_plant(problem), undisturbed(problem), measured(problem), bounded_command(problem), start, linear
+    plant = exact_plant(problem), undisturbed(problem), measured(problem), bounded_command(problem)
+    return of_linear_loop(*plant, start, linear)
 
 
 def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
@@ -232,7 +233,7 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
     if away is None or away.value is None:
         transient = nothing("transient", "no bound: " + ("" if away is None else away.why))
     else:
-        text = f"x is within {up(away.value)} of the theory's reference system, for every r within the case's bound"
+        text = f"x is within {up(away.value)} of the theory's reference system, for every r within the case's bound, at its theta"
         transient = statement("transient", text, *rests_on(problem))
     left = ", ".join(f"{100 * share:.3g} %" for share in values["disturbance_left"])
     noise = values.get("noise_in_u")

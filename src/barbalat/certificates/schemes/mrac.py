@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from barbalat.certificates.assumptions import FROZEN_LAW, beyond_the_paper, theta_in_the_set
+from barbalat.certificates.assumptions import FROZEN_LAW, beyond_the_paper, exact_plant, measured, theta_in_the_set
 from barbalat.certificates.bounds import disturbed, known_command, laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -17,6 +17,7 @@ from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
     add_margins_at_rest,
+    add_no_bound_over_the_set,
     add_parameter_errors,
     carried,
     commands_and_gains,
@@ -46,6 +47,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     level, void = disturbed.level(problem, controller, draft["nu_0"]), laws.why_no_bound(controller, problem)
     if void is not None:
         draft.missing("error_bound", void, *rests_on, theorem=laws.theorem_of_modified(controller, problem))
+        add_no_bound_over_the_set(draft, problem, void)
     else:
         draft.guarantee("error_bound", level.value, *rests_on)
         nu_0_worst = draft.get("nu_0_worst")
@@ -54,6 +56,8 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
             draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
             command = known_command.of_adapting(problem, problem.known, controller.gamma, equations.theta_hat0)
             draft.guarantee(known_command.KEY, command, *rests_on, theta_in_the_set(problem))
+        elif level.pushed:
+            add_no_bound_over_the_set(draft, problem)
     add_ingredients(draft, problem, equations.estimate_set, model)
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean + level.pushed, level.nu)
     draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN_LAW)
@@ -90,14 +94,17 @@ def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0
 
 def midpoint_form(problem: Problem, controller: Mrac, sample_time: float) -> midpoint.MidpointForm:
     """Return the properties that the sampled MRAC preserves; it has no filter between its fast estimates and the input."""
-    return midpoint.of_predictor(problem, controller, one_sample_of_delay(sample_time))
+    return midpoint.of_predictor(problem, controller, *one_sample_of_delay(problem, sample_time))
 
 
-def one_sample_of_delay(sample_time: float) -> str:
-    """What is known about the delay that such a controller tolerates."""
+def one_sample_of_delay(problem: Problem, sample_time: float) -> tuple[str, ...]:
+    """What is known about the delay that such a controller tolerates; nothing for a plant or a measurement with additions."""
+    if problem.input_gain is not None or exact_plant(problem).broken or measured(problem).broken:
+        return ()
     return (
-        f"with a high gain and short samples, its loop inside the known set tolerates a delay of one sample, {sample_time:g} s, "
-        f"at the plant's input. With a longer delay the estimates swing between their bounds, and no bound on e is proven"
+        f"without input dynamics, limits, another delay and a sensor's lag, and with a known input gain, a high gain of the law "
+        f"and short samples, its loop inside the known set tolerates a delay of one sample, {sample_time:g} s, at the plant's "
+        f"input. With a longer delay the estimates swing between their bounds, and no bound on e is proven",
     )
 
 

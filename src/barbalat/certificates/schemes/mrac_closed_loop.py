@@ -22,6 +22,7 @@ from barbalat.certificates.grounds import of_lyapunov_law
 from barbalat.certificates.schemes.mrac import lyapunov_cells
 from barbalat.certificates.schemes.state_feedback import (
     add_margins_at_rest,
+    add_no_bound_over_the_set,
     add_parameter_errors,
     carried_along,
     of_the_case,
@@ -56,6 +57,8 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
         draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
         command = carried.upper * known_command.of_adapting(problem, closed, controller.gamma, equations.theta_hat0)
         draft.guarantee(known_command.KEY, command * OUTWARD_FACTOR, *rests_on, theta_in_the_set(problem))
+    elif level.pushed:
+        add_no_bound_over_the_set(draft, problem)
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         add_at_rest(draft, problem, controller)

@@ -33,7 +33,12 @@ from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.schemes.mrac import lyapunov_cells
-from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor, carried_along
+from barbalat.certificates.schemes.state_feedback import (
+    KNOWN_REGRESSOR,
+    add_no_bound_over_the_set,
+    bounded_regressor,
+    carried_along,
+)
 from barbalat.certificates.schemes.unregistered import add_adapting, add_linearised
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
@@ -158,10 +163,14 @@ def _acting(problem: Problem, gains: ControlGains) -> Assumption:
 def _add_worst(draft: Draft, problem: Problem, gains: ControlGains, rests_on: tuple[Assumption, ...]) -> None:
     """Add the largest bound over the known set, and over the intervals of the input gains if they are known."""
     known_set, interval = problem.uncertainty, problem.known.gains
-    if known_set is None or disturbed.is_disturbed(problem):
+    if known_set is None:
+        return
+    if disturbed.is_disturbed(problem):
+        add_no_bound_over_the_set(draft, problem)
         return
     if interval is not None and gains.inputs > MOST_INTERVALS:
-        draft.missing("error_bound_worst", f"it is computed at the ends of at most {MOST_INTERVALS} intervals of input gains")
+        why = f"it is computed at the ends of at most {MOST_INTERVALS} intervals of input gains"
+        add_no_bound_over_the_set(draft, problem, why)
         return
     corners = [tuple(_each_omega(problem))]
     if interval is not None:

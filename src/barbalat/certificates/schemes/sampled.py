@@ -24,7 +24,7 @@ from barbalat.certificates.schemes import HeldFile, LinearFile, bounded_response
 from barbalat.certificates.schemes.bounded_response import OF_RESPONSES
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
-from barbalat.certificates.theorems import joined
+from barbalat.certificates.theorems import joined, of_linear_loop
 from barbalat.controllers import Sampled
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
@@ -78,6 +78,8 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     if linear:  # their small-gain argument belongs to the continuous loop
         dropped |= {"norms", "condition"}
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in dropped]
+    if linear:
+        entries = [replace(entry, theorem=of_linear_loop(entry.theorem)) for entry in entries]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
     continuous = replace(continuous, loops=())
     if linear:

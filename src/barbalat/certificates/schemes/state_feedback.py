@@ -27,6 +27,7 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import PLAIN_LAW_ONLY, add_margins
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.schemes.unregistered import add_at_rest
 from barbalat.certificates.step_limits import any_regressor
 from barbalat.linear.conditions import smallest_eigenvalue
@@ -183,6 +184,7 @@ def of_lyapunov_law_beyond(
     if void:
         of_the_law = laws.theorem_of_modified(controller, problem) or theorems.FILTER_BEYOND
         draft.missing("error_bound", void, *of_the_case(problem, equations.estimate_set), theorem=of_the_law)
+        add_no_bound_over_the_set(draft, problem, void)
     else:
         bound = disturbed.level(problem, controller, draft["nu_0"]).value
         acting = carried(problem, controller)
@@ -195,10 +197,24 @@ def of_lyapunov_law_beyond(
     return draft.finish()
 
 
+OVER_THE_SET = ("error_bound_worst", known_command.KEY)
+"""The keys of bounds on e for every theta of the known set."""
+
+
+def add_no_bound_over_the_set(draft: Draft, problem: Problem, why: str = "") -> None:
+    """Add the reason why the bounds on e for every theta of the known set are missing: by default, that a disturbance acts."""
+    if problem.uncertainty is not None and is_needed(*OVER_THE_SET):
+        because = why or "with disturbances it is computed for the case's theta only"
+        draft.all_missing(OVER_THE_SET, because, theorem="" if why else theorems.DISTURBED_SET)
+
+
 def _add_worst_beyond(draft: Draft, problem: Problem, controller: laws.LyapunovScheme, equations: laws.Bound) -> None:
     """Add the bounds for the worst parameters, theta and the input gains, in the projection set."""
     known_set, P = equations.estimate_set, problem.known.P
-    if known_set is None or not known_set.bounds_theta or disturbed.is_disturbed(problem):
+    if known_set is None or not known_set.bounds_theta:
+        return
+    if disturbed.is_disturbed(problem):
+        add_no_bound_over_the_set(draft, problem)
         return
     least = smallest_eigenvalue(P)
     far = disturbed.farthest(known_set, equations.theta_hat0)

@@ -31,11 +31,11 @@ STYLES = {"guaranteed": "green", "guaranteed for the design": "yellow", "exact":
 LABEL_COLUMNS = 10
 """Width in columns of the labels of the five lines, which is the length of the longest label."""
 LEGEND = (
-    "condition: what keeps all signals bounded. bound of e: for every component. margin: the added delay that the linear loops "
-    "tolerate at the case's theta, at the worst plant found in the known set or the parameters' ranges (frozen estimates then "
-    "equal that plant's theta), and with the law linearised at the largest command (adapting). gain, step: estimated limits. "
-    "The solver tolerates {} the first value even if all signals are at their largest, and oscillations begin near the second. "
-    "dt: the case's step."
+    "condition: what keeps all signals bounded. bound of e: one number for every component of e, each in its own unit. margin: "
+    "the added delay that the linear loops tolerate at the case's theta, at the worst plant found in the known set or the "
+    "parameters' ranges (frozen estimates then equal that plant's theta), and with the law linearised at the largest command "
+    "(adapting). gain, step: estimated limits. The solver tolerates {} the first value even if all signals "
+    "are at their largest, and oscillations begin near the second. dt: the case's step."
 )
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
