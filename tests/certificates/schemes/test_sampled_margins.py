@@ -179,3 +179,19 @@ def test_a_plant_with_a_regressor_a_delay_and_a_lag_rests_too():
     controller = Sampled(controller=Mrac(gamma=1.0), sample_time=T)
     found = certified(controller, problem).values
     assert found["spectral_radius"] < 1 and found["spectral_radius_adapting"] < 1 and found["delay_margin_adapting"] > 0
+
+
+@pytest.mark.parametrize(("theta", "stable"), [((4.0, -3.0), False), ((0.2, 0.1), True)])
+@pytest.mark.parametrize("discretization", ["euler", None])
+def test_states_that_are_not_fed_back_count_for_stability(theta, stable, discretization):
+    """With parameters of zero u does not depend on x, so the plant's own poles are those of the loop."""
+    A_m, b = np.array([[0.0, 1.0], [-0.3, -1.0]]), np.array([0.0, 1.0])
+    plant = Plant(A_m=A_m, b=b, theta=theta)
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=0.3), reference=Constant(1.0))
+    law, T = KnownParameters(theta=[0.0, 0.0]), 0.05
+    own = law if discretization is None else Sampled(controller=law, sample_time=T, discretization=discretization)
+    (found,) = certify(problem, [own], Simulation(t_end=5.0, dt=1e-3), keys=["spectral_radius", "delay_margin"]).values()
+    largest = np.linalg.eigvals(A_m + np.outer(b, theta)).real.max()
+    assert (largest < 0) == stable == ("delay_margin" in found.values and found.entry("delay_margin").applies)
+    if discretization is not None:
+        assert found.values["spectral_radius"] == pytest.approx(np.exp(largest * T), rel=1e-9)

@@ -117,21 +117,22 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
     if frozen:
         out += rows_of(loop, resting_parts(loop)).tolist()
     kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
-    return reduced(A[np.ix_(kept, kept)], B[kept, 0], C[0, kept])
+    return reduced(A[np.ix_(kept, kept)], B[kept, 0], C[0, kept], np.isin(kept, marked.x))
 
 
-def reduced(A: Array, B: Array, C: Array) -> StateSpace:
-    """The loop from v to -u, u = C x, without constant states and states without effect."""
-    acts = _acting(A, C)
+def reduced(A: Array, B: Array, C: Array, of_plant: Array) -> StateSpace:
+    """The loop from v to -u, u = C x, without constant states and without states that affect neither u nor the states
+    ``of_plant``, (n,) of bool: the loop may be unstable because of a state of the plant that is not fed back."""
+    acts = _acting(A, (C != 0) | of_plant)
     A, B, C = A[np.ix_(acts, acts)], B[acts], C[acts]
     moving = _moved_by(np.column_stack([A, B]))
     return StateSpace(moving.T @ A @ moving, moving.T @ B, -C @ moving, 0.0)
 
 
-def _acting(A: Array, C: Array) -> Array:
-    """The states that affect the output, directly or through others; a zero entry of these Jacobians is exactly zero."""
-    acts = C != 0
-    for _ in range(len(C)):
+def _acting(A: Array, acts: Array) -> Array:
+    """The states that affect one of the given states, directly or through others; a zero entry of these Jacobians is exactly
+    zero."""
+    for _ in range(len(acts)):
         acts = acts | (A[acts] != 0).any(axis=0)
     return np.asarray(acts)
 

@@ -205,7 +205,7 @@ class FrozenContinuous(Frozen):
         if lagged:
             M[read, k : k + n], M[read, read] = np.eye(n) / plant.lag, -np.eye(n) / plant.lag
         B[k : k + n], u[:k], u[read] = plant.b.reshape(-1), C[0, own], C[0, x]
-        loop = reduced(M, B, u)
+        loop = reduced(M, B, u, (np.arange(len(M)) >= k) & (np.arange(len(M)) < k + n))
         return loop if plant.dynamics is None else series(plant.dynamics, loop)
 
 

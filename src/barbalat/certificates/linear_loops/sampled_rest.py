@@ -247,9 +247,13 @@ def _moved(J: Array, rows: Array) -> Array:
 
 
 def acting(found: Linearised) -> Linearised:
-    """The loop without states that don't affect the control: zero entries of these Jacobians are exact."""
-    loop = found.loop
+    """The loop without states that affect neither the control nor the plant: zero entries of these Jacobians are exact.
+
+    A state of the plant that is not fed back has no effect on the margins, but the loop may be unstable because of it.
+    """
+    loop, x = found.loop, found.rows["x"]
     acts = (loop.C != 0).any(axis=0)
+    acts[x[x >= 0]] = True
     for _ in range(len(acts)):
         acts = acts | (loop.A[acts] != 0).any(axis=0) | (loop.J[acts] != 0).any(axis=0)
     kept = np.flatnonzero(acts)
