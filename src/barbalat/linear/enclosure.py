@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flint import arb
+
+ROUNDED_SYSTEM = 1e-10
+"""Relative change of a norm that the rounding of the system's matrices is assumed not to exceed."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,14 @@ class Enclosure:
     sign_changes: int = 0
     segments: int = 0
     precision_bits: int = 53
+
+    def of_rounded_system(self) -> Enclosure:
+        """The enclosure for the exact system of which a system with rounded matrices was enclosed.
+
+        Both ends move outward by ``ROUNDED_SYSTEM``, which covers the rounding unless the response amplifies it by more than a
+        hundred thousand times. ``barbalat-check`` derives the system exactly.
+        """
+        return replace(self, lower=self.lower * (1 - ROUNDED_SYSTEM), upper=self.upper * (1 + ROUNDED_SYSTEM))
 
     @property
     def ends(self) -> dict[str, float]:

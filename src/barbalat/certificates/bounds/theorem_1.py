@@ -53,7 +53,7 @@ def filtered_model(known: Known, C: StateSpace) -> tuple[Array, Array, Array, Ar
 
 def filter_condition(known: Known, C: StateSpace, theta_max: float) -> FilterCondition:
     """The condition of Theorem 1 (ii)."""
-    return small_gain(l1_norm(*filtered_model(known, C)), theta_max)
+    return small_gain(l1_norm(*filtered_model(known, C)).of_rounded_system(), theta_max)
 
 
 def small_gain(norm: Enclosure, theta_max: float) -> FilterCondition:

@@ -236,7 +236,8 @@ class FrozenSampled(Frozen):
         if lagged:
             A[last, X], A[last, last] = np.eye(n) / plant.lag, -np.eye(n) / plant.lag
         J[:k, :k], J[:k, read], C[:, :k] = loop.J[np.ix_(own, own)], loop.J[np.ix_(own, x)], loop.C[:, own]
-        return acting(replace(found, loop=SampledLoop(A, E, J, C, loop.T), rows={})).loop
+        rows = {"x": np.arange(k, k + n)}
+        return acting(replace(found, loop=SampledLoop(A, E, J, C, loop.T), rows=rows)).loop
 
 
 def frozen_controller(

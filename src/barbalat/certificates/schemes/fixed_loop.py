@@ -86,7 +86,7 @@ class FixedLoop:
         S, n = self.nominal_response(), len(self.theta_0)
         if not np.linalg.eigvals(S.A).real.max() < 0:
             raise InputError("the linear loop is unstable with the nominal parameters: no error bound exists")
-        return l1_norm(S.A, S.B[:, None], np.eye(n, len(S.A)), np.zeros((n, 1)))
+        return l1_norm(S.A, S.B[:, None], np.eye(n, len(S.A)), np.zeros((n, 1))).of_rounded_system()
 
     def known_loop(self) -> known_command.KnownLoop:
         """e = T[(theta - theta_0)'x]."""
