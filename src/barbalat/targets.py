@@ -36,7 +36,7 @@ class Need:
 MEASURED_STATE = Need(
     "a measured state",
     lambda problem: isinstance(problem, Problem),
-    "a plant whose state is measured, and this case measures an output",
+    "a plant whose state is measured, but this case measures an output",
 )
 KNOWN_SET = Need(
     "a known set",

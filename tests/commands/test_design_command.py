@@ -99,7 +99,7 @@ def test_none_meets_what_the_model_itself_misses_and_noise_of_the_cases_own_gets
     assert told["reasons"][0].startswith("none of the schemes")
     alone = "the nominal state feedback alone"
     assert any(
-        said == f"every scheme misses settling, and {alone} too: adaptation helps, but not enough" for said in told["reasons"]
+        said == f"every scheme misses settling, and so does {alone}: adaptation helps, but not enough" for said in told["reasons"]
     )
     assert any("reference model itself settles" in said for said in told["reasons"])
     assert told["added_noise"] is None and not any("no measurement noise" in said for said in told["reasons"])
@@ -211,7 +211,8 @@ def test_a_baseline_that_already_misses_is_said_also_where_a_scheme_meets_it():
     design.candidates = candidate("MRAC", False, noise=0.5), candidate("Baseline", True, noise=2.0)
     design.baseline = Design.baseline.fget(design)
     assert Design._of_the_baseline(design) == [
-        "the baseline alone, with the observer, already misses noise: has noise in u of 2 of its largest value, 2 times the limit"
+        "the baseline alone, with the observer, already misses noise: has noise in u of 2 times its largest value, 2 times the "
+        "limit"
     ]
 
 
@@ -233,7 +234,7 @@ def test_settling_is_judged_on_the_steps_that_the_command_makes():
     (first,) = (one.settled_after for one in test.stages[:1])
     t = np.arange(0.0, test.stages[0].finish, 1e-3)
     assert first(t, 1 - np.exp(-4 * t), 0.05) == pytest.approx(np.log(20) / 4, abs=2e-3)
-    assert "from 0 to 1" in test.sentence and "from 1 to -1" in test.sentence and "the worse counts" in test.sentence
+    assert "from 0 to 1" in test.sentence and "from 1 to -1" in test.sentence and "the worse result counts" in test.sentence
 
 
 def test_the_error_is_that_of_the_judged_state_under_the_command_of_the_case():
@@ -326,12 +327,12 @@ def test_a_controller_that_fails_under_other_commands_is_not_said_simply_to_meet
         "3 of 4 validation runs, whose commands are 0.58 to 1.4 times as large and 0.56 to 1.9 times as fast, were lost, ended "
         "in a limit cycle, or followed the model in no component"
     )
-    only = "meets the specification under the command of the case only"
+    only = "meets the specification only under the command of the case"
     assert found.recommended.name == "ADRC" and found.headline == f"ADRC {only}: {failed}"
     assert any(failed in said for said in found.reasons)
     assert rows(found)[-1] == ["ADRC", "no failed run under other commands", "", "", "", "3 of 4 runs"]
     ((_, said, meets),) = sentences(found)
-    assert not meets and said.endswith(failed) and said.startswith("meets it under the command of the case only: it has noise")
+    assert not meets and said.endswith(failed) and said.startswith("meets it only under the command of the case: it has noise")
 
 
 def test_a_controller_without_failures_under_other_commands_is_recommended_first():

@@ -28,7 +28,7 @@ def test_it_runs_beside_a_case_s_controllers(folder, capsys):
     assert main(["new", "my-law.py"]) == 0
     said = capsys.readouterr().err
     assert "barbalat run paper --controllers my-law.py" in said
-    assert "after equal tuning effort with: barbalat contest CASE --controllers my-law.py --schemes mrac l1 --quick" in said
+    assert "equal effort and compare them with: barbalat contest CASE --controllers my-law.py --schemes mrac l1 --quick" in said
     assert [type(one).__name__ for one in load_case("paper", "my-law.py").controllers][-1] == "MyLaw"
     assert main(["run", "third-order", "--controllers", "my-law.py", "--json"]) == 0
     assert np.isfinite(json.loads(capsys.readouterr().out)["controllers"]["MyLaw"]["max_abs_e"]).all()

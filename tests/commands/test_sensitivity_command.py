@@ -50,7 +50,7 @@ def test_the_screen_ranks_the_numbers_within_80_columns(case, options, capsys, m
     assert main(["sensitivity", case, *options]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
-    assert lines[0] == "short: percent change of a metric per percent change of a number"
+    assert lines[0] == "short: percent change of a metric per percent change of a parameter"
     assert ("Robust MRAC" in lines) == (not options)
     assert any(line.startswith("reference.amplitude") for line in lines)
     assert not any(line.startswith("plant.A_m[0][1]") for line in lines)

@@ -460,7 +460,8 @@ def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
     ((_, linear),) = tuned.chosen.found.items()
     half = tuned.delay_margin_measured < 0.5 * linear
     assert half == any(
-        "measured delay margin" in note and "less than half of delay_margin_adapting" in note for note in found.notes
+        "measured delay margin" in note and "half of that of the linear loop without limits: delay_margin_adapting" in note
+        for note in found.notes
     )
     ((name, sentence, meets),) = tuning.verdicts(found)
     assert (

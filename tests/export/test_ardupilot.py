@@ -315,7 +315,7 @@ def test_a_shells_timer_is_given_the_time_between_two_updates(tmp_path) -> None:
     export_controller(problem, controller, SIMULATION, out=tmp_path, target="ardupilot", name="pitch")
     told = compile_and_run(TIMED, tmp_path)
     assert told.count("the main controller acts") == 1
-    assert "takes over, whichever `fallback`" in (tmp_path / "ARDUPILOT.md").read_text()
+    assert "takes over, whatever `fallback`" in (tmp_path / "ARDUPILOT.md").read_text()
 
 
 STUCK = (

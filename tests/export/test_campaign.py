@@ -149,7 +149,7 @@ def test_what_the_longest_outage_is_worth_is_told(capsys) -> None:
     )  # fmt: skip
     _show(Screen(), found)
     said = " ".join(capsys.readouterr().out.split())
-    assert "any of 2 instants tried: 3 samples, 0.03 s; one more sample did harm from t = 0.02 s on. This is an estimate" in said
+    assert "any of 2 instants tried: 3 samples, 0.03 s; one sample longer from t = 0.02 s on did harm. This is an" in said
     assert "The shell's longest_outage is longer, 5 samples" in said and "94 % 100 %" in said
     _show(Screen(), replace(found, allowed=3))
     assert "longest_outage" not in capsys.readouterr().out

@@ -128,7 +128,7 @@ def test_a_last_bit_in_the_c_is_told(monkeypatch) -> None:
     assert 0 < apart <= 2 * np.spacing(step(x, r))
     found = faulty.agreement()
     assert found.equal is False
-    assert found.difference == f"held_u[0] differs from sample 1 of a flight on, u by {apart:.1e} at most"
+    assert found.difference == f"held_u[0] differs from sample 1 of a flight on, u by at most {apart:.1e}"
     assert faulty.agreement() == Agreement()
     assert step.agreement().equal
 

@@ -119,7 +119,7 @@ def test_the_export_of_a_shell_with_a_rate_and_no_range_says_what_a_bit_error_do
     for ranges, count in (({}, 1), ({"x_1": [-9.0, 9.0]}, 0)):
         case = replace(STATE, shell=Shell(rate={"x_1": 50.0}, range=ranges))
         told = own_run_warning(case, KNOWN, Simulation(t_end=2.0, dt=T / 2), None)
-        assert told.count("x_1: shell.rate without shell.range.") == count
+        assert told.count("shell.rate is given for x_1, but shell.range is not.") == count
 
 
 def test_the_export_says_if_the_shell_refuses_the_own_run_after_the_test_vectors(tmp_path) -> None:

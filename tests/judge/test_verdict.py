@@ -170,7 +170,7 @@ def test_a_control_that_noise_shakes_is_a_finding(noise, shakes):
     problem = replace(oscillator(0.7, [0.5, 0.0], Sine(1.0, 0.5)), sensor=sensor)
     (result,) = simulate(problem, Gain(k=np.array([8.0, 5.0])), Simulation(t_end=30.0, dt=0.01)).values()
     found = [one.sentence for one in result.findings if one.kind == "shakes"]
-    assert bool(found) == shakes and all(one.startswith("its control shakes: it reverses ") for one in found)
+    assert bool(found) == shakes and all(one.startswith("its control chatters: it reverses ") for one in found)
     assert not found or int(found[0].split()[5]) == result.verdict.figures.reversals[0] > 300
 
 

@@ -25,8 +25,8 @@ WHOLE = "was compiled on this machine and flown: u and the state are bit-identic
             {"a": EQUAL, "b": WRONG, "c": EQUAL, "d": HELD, "e": BROKEN},
             [
                 f"the exported C of 2 of 5 controllers {WHOLE} 12,000 samples of 4 flights",
-                "the exported C of b does not equal the simulation: x_hat[1] differs from sample 3 of a flight on",
-                "the exported C of d does not equal the simulation: held_u[0] differs from sample 90 of a flight on, "
+                "the exported C of b differs from the simulation: x_hat[1] differs from sample 3 of a flight on",
+                "the exported C of d differs from the simulation: held_u[0] differs from sample 90 of a flight on, "
                 "and it rejected 7 of 1,200 samples",
                 "nothing is known about the exported C of e: the simulator failed in every flight",
             ],

@@ -92,7 +92,8 @@ def test_an_artefact_of_the_solver_is_settled_by_a_finer_step():
     assert len(set(found.audit.members)) == FEWEST_AUDITED
     changed = {name: by["L1"].changed for name, by in found.audit.verdicts.items() if by["L1"].changed}
     assert found.audit.changed <= 1 and set(changed) <= {"estimates ring"}
-    assert found.audit.sentences[0].startswith("of 30 members repeated at half the step, ")
+    count = f"{found.audit.changed} of" if found.audit.changed else "no verdict changed in"
+    assert found.audit.sentences[0].startswith(f"{count} 30 members repeated at half the step ")
     again, plain = (run_study(study(STIFF, {"plant.theta": "known-set"}, 128), bounds=False, audit=n) for n in (None, 0))
     assert again.as_json() == found.as_json()
     assert plain.as_json() | {"audit": None} == found.as_json() | {"audit": None}
@@ -127,8 +128,8 @@ def test_the_audits_share_is_of_members_that_were_run_again(unsettled):
     found = audit(settling, rows, members=64, run=done_here)
     assert found.members == tuple(range(unsettled, 64)) and found.drawn == 64
     if found.members:
-        assert found.share.judged == 48 and found.sentences[0].startswith("of 48 members repeated at half the step")
-        assert "16 members also drawn could not be repeated: no step settles them" in found.sentences
+        assert found.share.judged == 48 and " 48 members repeated at half the step " in found.sentences[0]
+        assert "16 further drawn members could not be repeated, because no step settles them" in found.sentences
     else:
         assert found.share is None
         assert "no step settles any of the 64 members drawn" in found.sentences[0]

@@ -82,9 +82,9 @@ def test_a_damaged_chunk_is_found_and_made_again(place, tmp_path):
 @pytest.mark.parametrize(
     ("other", "what"),
     [
-        (lambda: study(text=TEXT + "\n# a remark\n"), "another case file"),
-        (lambda: study(seed=1), "other --vary, --sample"),
-        (lambda: study(21), "other --vary, --sample"),
+        (lambda: study(text=TEXT + "\n# a remark\n"), "a different case file"),
+        (lambda: study(seed=1), "a different --vary, --sample"),
+        (lambda: study(21), "a different --vary, --sample"),
     ],
 )
 def test_another_sweeps_store_is_refused_by_name(other, what, tmp_path):
@@ -114,9 +114,9 @@ def test_further_members_join_those_that_are_there(design, interrupted, tmp_path
     parts = [int(one.name[8:20]) for one in sorted(folder.glob("members-*"))]
     assert parts == [0, 6, 12, 18, 20, 24, 30]
     pd.testing.assert_frame_equal(pd.read_parquet(folder), pd.read_parquet(tmp_path / "whole"))
-    with pytest.raises(InputError, match="was made with other --vary, --sample, --members"):  # fewer members make another sweep
+    with pytest.raises(InputError, match="made with a different --vary, --sample, --members"):  # fewer members make another sweep
         run(folder, study(20, design=design))
-    with pytest.raises(InputError, match="was made with other --vary, --sample, --members"):
+    with pytest.raises(InputError, match="was made with a different --vary, --sample, --members"):
         run(folder, study(40, design=design, seed=1))
 
 
@@ -124,7 +124,7 @@ def test_other_equations_are_refused(tmp_path, monkeypatch):
     folder = tmp_path / "store"
     run(folder)
     monkeypatch.setattr(Study, "equations", lambda self: "0" * 64)
-    with pytest.raises(InputError, match="was made with other equations"):
+    with pytest.raises(InputError, match="was made with different equations"):
         run(folder)
 
 
@@ -154,7 +154,7 @@ def test_a_store_of_before_the_judge_is_read_and_gone_on_with(tmp_path):
 def test_the_verdicts_of_another_judge_are_refused(tmp_path, monkeypatch):
     run(tmp_path / "store")
     monkeypatch.setattr(Study, "judge", lambda self: "0" * 64)
-    with pytest.raises(InputError, match="was made with the verdicts of another judge"):
+    with pytest.raises(InputError, match="was made with the verdicts of a different judge"):
         run(tmp_path / "store")
 
 
@@ -187,7 +187,7 @@ def test_a_damaged_row_is_not_compared_with(tmp_path):
 
 def test_rows_with_bounds_and_without_do_not_mix(tmp_path):
     run(tmp_path / "store")
-    with pytest.raises(InputError, match="was made with the other choice of --no-bounds"):
+    with pytest.raises(InputError, match="was made with the opposite choice of --no-bounds"):
         run_study(study(), store=tmp_path / "store", chunk=6)
 
 

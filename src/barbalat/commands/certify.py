@@ -32,7 +32,7 @@ def add(commands: Commands) -> None:
         "--share",
         type=float,
         metavar="S",
-        help="with --simulate: a run also counts as lost when the delay increases the largest error of the tail by S times the "
+        help="with --simulate: a run also counts as lost when the delay increases the largest error in the tail by S times the "
         "largest model state; default 1",
     )
     parser.add_argument(

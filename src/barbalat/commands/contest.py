@@ -42,8 +42,8 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--until", choices=("onset", "loss"),
-        help="a margin ends where the loop begins to oscillate (onset, default), or where the run diverges, leaves its limits or "
-        "has an error that has grown by the largest model state (loss)",
+        help="a margin ends where the loop begins to oscillate (onset, default), or where the run diverges or leaves its limits, "
+        "or its error has grown by the largest model state (loss)",
     )  # fmt: skip
     add_schemes(parser)
     parser.add_argument(

@@ -94,7 +94,7 @@ def _write(folder: Folder, found: Design, text: CaseText) -> None:
 
     which = "the recommended controller" if found.recommended else "the closest candidate, which does not meet the specification"
     if found.recommended and found.failure(found.recommended):
-        which = f"{which}, which meets the specification under the command of the case only"
+        which = f"{which}, which meets the specification only under the command of the case"
     said, explorer, written = [], None, None
     try:
         written = with_controller(text, found.controller)

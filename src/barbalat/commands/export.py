@@ -135,11 +135,11 @@ def _show(screen: Screen, found: Campaign) -> None:
     judged = _table(screen, found)
     outage = f"{counted(found.longest, 'sample')}, {found.longest * found.sample_time:.4g} s"
     one_more = (
-        "it is the longest one tried" if found.worst is None else f"one more sample did harm from t = {found.worst:.6g} s on"
+        "it is the longest one tried" if found.worst is None else f"one sample longer from t = {found.worst:.6g} s on did harm"
     )
     screen.line(
         f"The longest outage that did no harm from any of {counted(len(found.starts), 'instant')} tried: {outage}; {one_more}. "
-        f"This is an estimate: from another instant a shorter outage may do harm. An outage does harm if the largest |e_i| of "
+        f"This is an estimate: a shorter outage from another instant may do harm. An outage does harm if the largest |e_i| of "
         f"some component i exceeds {TOLERATED:g} times its fault-free value."
     )
     if found.allowed is not None and found.allowed > found.longest:
@@ -149,14 +149,14 @@ def _show(screen: Screen, found: Campaign) -> None:
     fewest, most = min(row.draws for row in found.rows), max(row.draws for row in found.rows)
     draws = counted(most, "draw") if fewest == most else f"{fewest} to {most} draws"
     screen.line(
-        f"Each row is the worst of {draws}, but the number of missed samples is their mean, up to where a run diverges. Time "
+        f"Each row is the worst of {draws}; only the number of missed samples is their mean, counted until a run diverges. Time "
         f"beyond: the fraction of time for which any |e_i| exceeds its fault-free maximum. Factor: the largest |e_i| divided by "
         f"its fault-free maximum, for the worst component. "
         + (
-            "The judge gives a verdict on each draw. It is shown if it differs from that without faults; without a count it "
-            "applies to all draws."
+            "The judge gives a verdict on each draw. A verdict is shown if it differs from the verdict without faults; a verdict "
+            "without a count applies to all draws."
             if judged
-            else "The judge's verdict on every draw is that without faults."
+            else "The judge's verdict on every draw is the same as without faults."
         )
     )
 

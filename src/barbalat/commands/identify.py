@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("identify", help="find a nominal plant and its known set from recorded data")
-    parser.add_argument("data", metavar="DATA.csv", help="a header line, then samples; inputs are held between samples")
+    parser.add_argument(
+        "data", metavar="DATA.csv",
+        help="a CSV file with a header line and one line for each sample; inputs are held between samples",
+    )  # fmt: skip
     add_list(parser, "--inputs", metavar="NAME", commas=True, help="columns of the inputs")
     add_list(parser, "--outputs", metavar="NAME", commas=True, help="columns of the states, all of which must be measured")
     parser.add_argument("--time", metavar="NAME", help="column of the time [s]; default t or time")

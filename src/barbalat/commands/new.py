@@ -91,8 +91,9 @@ def _law(file: Path, options: argparse.Namespace) -> int:
     say(f"written: {file}")
     say(f"run it with: barbalat run paper --controllers {file}")
     say(f"check it with: python {file}")
-    say(f"compare it after equal tuning effort with: barbalat contest CASE --controllers {file} --schemes mrac l1 --quick")
-    say("the gains of run and sweep are not tuned alike, so they do not show which law is better")
+    contest = f"barbalat contest CASE --controllers {file} --schemes mrac l1 --quick"
+    say(f"tune all laws with equal effort and compare them with: {contest}")
+    say("run and sweep use gains that were not tuned with equal effort, so they do not show which law is better")
     return 0
 
 

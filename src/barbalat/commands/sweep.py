@@ -195,7 +195,8 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
     if stored is None or not (different := found.differing(stored)):
         return 0
     say(
-        f"differs from the store, which was written on a different processor or by different versions, in: {', '.join(different)}"
+        f"member {found.number} differs from the store, which was written on a different processor or by different versions, in: "
+        f"{', '.join(different)}"
     )
     return 1
 

@@ -44,7 +44,7 @@ def add(commands: Commands) -> None:
         type=float,
         default=1.0,
         metavar="S",
-        help="a run also counts as lost when the delay increases the largest error of the tail by S times the largest "
+        help="a run also counts as lost when the delay increases the largest error in the tail by S times the largest "
         "model state; default 1",
     )
     conclude(parser, execute)

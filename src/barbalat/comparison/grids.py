@@ -167,7 +167,7 @@ def _largest_along_the_ideal_run(problem: Problem, simulation: Simulation) -> fl
         square += np.max(run.u.reshape(len(run.t), -1) ** 2, axis=1)
     largest = float(square.max())
     if largest == 0:
-        raise InputError("nothing moves the regressor phi(x): give a command, or an initial state")
+        raise InputError("the regressor phi(x) stays zero: give a command or an initial state")
     return _oscillator(problem, simulation).largest_g(simulation.resolution) / largest
 
 

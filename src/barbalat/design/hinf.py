@@ -163,7 +163,7 @@ def _largest_bandwidth(scaled: TransferFunction) -> float:
     least = 1e-3
     if not is_met(least):
         raise InputError(
-            "no controller meets the weights even at a bandwidth of 0.001 over the unmodelled delay: the delay is too long"
+            "no controller meets the weights even at a bandwidth of 0.001 divided by the unmodelled delay: the delay is too long"
         )
     return largest(is_met, least, 10.0, within=0.01)
 

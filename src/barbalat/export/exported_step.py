@@ -121,7 +121,7 @@ class ExportedStep:
         """The agreement of the exported C with the list over the samples since the last call."""
         told, apart = self._told, self._apart
         self._told, self._apart = Agreement(), 0.0
-        return replace(told, difference=f"{told.difference}, u by {apart:.1e} at most") if told.difference else told
+        return replace(told, difference=f"{told.difference}, u by at most {apart:.1e}") if told.difference else told
 
     def _difference(self, expected: Array) -> str:
         """The differences in u and in the whole state, bit by bit."""

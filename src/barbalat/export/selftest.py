@@ -313,7 +313,7 @@ def _fresh(printed: Printed) -> list[str]:
     given = f"const {printed.real} x0[] = {{ {values} }};" if contents.measures_state else ""
     return [
         f"{{ {given} {started}",
-        '  require(replay(&c, SAMPLES) == SAMPLES, "enabled again, it differs from a fresh start"); }',
+        '  require(replay(&c, SAMPLES) == SAMPLES, "a controller that is enabled again differs from a fresh start"); }',
     ]
 
 

@@ -45,7 +45,7 @@ def settable(printed: Printed) -> dict[str, str]:
 _ADVANCES = """\
         const int changes = measured > 0 && c->change > 0L;
         int pass;
-        for (pass = changes; pass >= 0; --pass) {{ /* after a change first with the previous parameters */
+        for (pass = changes; pass >= 0; --pass) {{ /* after a change, the first pass uses the previous parameters */
             if (pass > 0) {{
                 exchange(c);
             }}

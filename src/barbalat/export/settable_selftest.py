@@ -209,7 +209,7 @@ static void test_parameters(void)
             memcpy(other.bump, bump, sizeof other.bump);
             other.fade = begins != 0 ? {fade}L : now.fade;
             other.fade_left = left > 0L ? left - 1L : 0L;
-            require(same_state(&c, &other), "after a change the state does not go on with the new number");
+            require(same_state(&c, &other), "after a change the state does not continue with the new value");
             require(j > 0 || moves[k] == 0 || close_to(out.u, was.u, {macro}_INPUTS), "a change causes a bump");
         }}
         require(c.fade_left == 0L && c.matching == 0 && c.change == 0L, "a change does not fade out in the given time");
@@ -217,7 +217,8 @@ static void test_parameters(void)
             c = before;
             (void){name}_set(&c, k, tried[k], {fade}L);
             (void){name}_set(&c, k, before.parameter[k], 0L);
-            require(same(c.previous, before.parameter, {macro}_PARAMETERS) && c.change == {fade}L, "a second change ends one");
+            require(same(c.previous, before.parameter, {macro}_PARAMETERS) && c.change == {fade}L,
+                "a second change ends the first");
             (void){name}_set(&c, k, tried[k], {fade}L);
             (void){name}_set(&c, k, before.parameter[k], {fade}L + 1L);
             require(same(c.previous, before.parameter, {macro}_PARAMETERS) && c.change == {fade}L + 1L,
@@ -245,7 +246,7 @@ static void test_parameters(void)
         c = before;
         c.previous[k] = nothing / nothing;
         other = before;
-        require({name}_step(&c, &in, &out) == {name}_step(&other, &in, &own), "a number that is not needed is looked at");
+        require({name}_step(&c, &in, &out) == {name}_step(&other, &in, &own), "a number that is not needed is read");
         c = before;
         c.previous[k] = nothing / nothing;
         c.change = 1L;

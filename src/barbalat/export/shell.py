@@ -54,7 +54,7 @@ def shell(printed: Printed) -> dict[str, str]:
         "refuse": _refuse(printed, timed=timed),
         "result_refused": "it counts as a miss; u and the state keep their values unless the fallback acts"
         if ends
-        else "u is held, and after the first the controller begins again",
+        else "u is held, and after the first such sample the controller begins again",
         "restart_fade": f"{macro}_FADE" if ends else "0L",
         "shell_timer": _timer(printed) if timed else "",
         "uncalled": "*measured == 0 || " if timed else "",
@@ -194,7 +194,7 @@ def _members(around: Around | None) -> list[str]:
         "outage": "misses in a row",
         "age": f"samples since the last good measurement; {MOST_COUNTED}: there is none",
         "command_outage": f"samples in a row without a good command; {MOST_COUNTED}: there was none",
-        "advanced": "misses by which wrong times advanced the outage",
+        "advanced": "number of misses that wrong times added to the outage",
         "paused": "fade_left when the baseline began to act",
     }
     found = [f"long {name}; /* {meanings[name]} */" for name in members(around)]
@@ -381,7 +381,7 @@ def _macros(printed: Printed) -> str:
     lines = []
     if around is not None and around.longest is not None:
         lines += [
-            f"#define {macro}_LONGEST_OUTAGE {around.longest:.0f}L /* consecutive misses; after them follows: "
+            f"#define {macro}_LONGEST_OUTAGE {around.longest:.0f}L /* consecutive misses, after which the fallback acts: "
             f"{around.fallback} */",
             f"#define {macro}_FADE {around.fade:.0f}L /* samples over which the bump of a return fades out */",
             f"#define {macro}_FALLBACK 256u /* status: the outage is longer than LONGEST_OUTAGE, and u comes from the "

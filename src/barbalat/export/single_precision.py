@@ -54,11 +54,13 @@ class PrecisionLimit:
     def sentence(self) -> str:
         """The difference between the two runs, as a sentence."""
         own = self.apart.get(self.gain)
-        here = "" if own is None else f"at {self.setting} = {self.gain:g} they are {own:.2g} of the largest |x| apart"
+        here = "" if own is None else f"at {self.setting} = {self.gain:g} they differ by {own:.2g} of the largest |x|"
         if self.at is not None:
-            return f"{here}; they separate, by {VISIBLE_SHARE:g} of it, at {self.setting} = {self.at:.3g}".lstrip("; ")
-        ends = "" if self.diverges is None else f"; at {self.diverges:.3g} the simulation in 64 bits diverges itself"
-        return f"{here}; up to {self.setting} = {max(self.apart, default=self.gain):.3g} they do not separate{ends}".lstrip("; ")
+            where = f"at {self.setting} = {self.at:.3g}"
+            return f"{here}; {where} they differ by more than {VISIBLE_SHARE:g} of the largest |x|".lstrip("; ")
+        ends = "" if self.diverges is None else f"; at {self.diverges:.3g} the 64-bit simulation itself diverges"
+        where = f"up to {self.setting} = {max(self.apart, default=self.gain):.3g}"
+        return f"{here}; {where} they differ by at most {VISIBLE_SHARE:g} of the largest |x|{ends}".lstrip("; ")
 
 
 def precision_limit(

@@ -127,7 +127,7 @@ def own_run_warning(problem: TrackingProblem, controller: Controller, simulation
         told = None if missed is None else missed.sentence
         said += [f"When this case is simulated without faults, {told}: widen the limits of the shell."] if told else []
         alone = ", ".join(name for name in problem.shell.rate if name not in problem.shell.range)
-        said += [f"{alone}: shell.rate without shell.range. {AFTER_A_BIT_ERROR}"] if alone else []
+        said += [f"shell.rate is given for {alone}, but shell.range is not. {AFTER_A_BIT_ERROR}"] if alone else []
     return " ".join(said)
 
 

@@ -60,7 +60,7 @@ def sentences(found: Design) -> list[tuple[str, str, bool]]:
 
 def _sentence(found: Design, one: Candidate) -> tuple[str, str, bool]:
     failure = found.failure(one)
-    only, also = ("", "") if failure is None else (" under the command of the case only", f"; {failure}")
+    only, also = ("", "") if failure is None else (" only under the command of the case", f"; {failure}")
     said = f"meets it{only}: it {one.sentence}" if one.meets else one.sentence
     return one.name, f"{said}{also}", one.meets and failure is None
 

@@ -44,7 +44,7 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
         f"less than {short}: among the draws not lost by both, the percentage with a smaller error than {name}; + and "
         f"- mark results beyond chance"
     )
-    travel = f"RMS e, and under {found.campaign.vehicle.drawing.travel[1]} the travel per second, are medians of all draws"
+    travel = f"RMS e and the travel per second (column {found.campaign.vehicle.drawing.travel[1]}) are medians of all draws"
     told = (*NOTES, travel, less)
     return (*told, chance) if found.evidence.comparisons else told
 

@@ -94,7 +94,7 @@ def reasons(found: FlightComparison, failure: Failing) -> list[str]:
     lost = [flight for flight in found.through(failure) if flight.lost]
     whys = dict.fromkeys(flight.lost for flight in lost)
     who = {why: [f"{one.controller} at {one.duration:.2f} s" for one in lost if one.lost == why] for why in whys}
-    return [f"Control was lost as {why}: {', '.join(names)}" for why, names in who.items()]
+    return [f"Control was lost because {why}: {', '.join(names)}" for why, names in who.items()]
 
 
 def losses(found: FlightComparison) -> list[list[str]]:
@@ -151,7 +151,7 @@ def _unequal(name: str, one: Agreement) -> str:
     if one.equal is None:
         return f"nothing is known about the exported C of {name}: the simulator failed in every flight"
     held = f", and it rejected {one.refused:,} of {one.samples:,} samples" if one.refused else ""
-    return f"the exported C of {name} does not equal the simulation{f': {one.difference}' if one.difference else ''}{held}"
+    return f"the exported C of {name} differs from the simulation{f': {one.difference}' if one.difference else ''}{held}"
 
 
 def as_document(found: FlightComparison) -> dict[str, Any]:

@@ -43,8 +43,9 @@ def sentence(found: Identification) -> str:
         return f"Simulated over {where}, the nominal plant fits {fits}."
     held = ", ".join(f"{name} {100 * fit:.1f} %" for name, fit in (found.held_fit or {}).items())
     return (
-        f"Over {where}, the nominal plant predicts up to {found.horizon:.3g} s ahead and fits {fits}; a measured state that is "
-        f"held for as long fits {held}. The plant is unstable: a longer simulation would amplify the error of its initial state."
+        f"Over {where}, the nominal plant predicts up to {found.horizon:.3g} s ahead and fits {fits}; holding the measured "
+        f"state constant for as long fits {held}. The plant is unstable: a longer simulation would amplify the error of its "
+        f"initial state."
     )
 
 

@@ -23,10 +23,10 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None, *, named: 
 
     named  whether the numbers were chosen by name; if not, definitions are only listed
     """
-    screen.line(f"{found.case}: percent change of a metric per percent change of a number", "bold")
+    screen.line(f"{found.case}: percent change of a metric per percent change of a parameter", "bold")
     if not found.redesign:
         screen.line(
-            "Numbers of the plant and its parameters change only the simulated plant: the controllers stay as designed (unless "
+            "Changes of the plant and its parameters affect only the simulated plant: the controllers stay as designed (unless "
             "--redesign is given).", start="  ", indent="  ",
         )  # fmt: skip
     for name in found.controllers:
@@ -74,7 +74,7 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None, *, named: 
         screen.line(f"{found.steps[0].upper()}{found.steps[1:]}.")
     total = sum(found.seconds.values())
     screen.line(
-        f"Derivatives of the discrete runs by tangents, compared with differences of {found.runs} further runs; "
+        f"Derivatives of the discrete runs, computed with tangents and compared with differences of {found.runs} further runs; "
         f"{total:.2g} s in all."
     )
 

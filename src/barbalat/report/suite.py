@@ -50,7 +50,7 @@ def page_rows(given: Iterable[Mapping[str, Any]]) -> list[list[str]]:
 def without(stored: Mapping[str, Any]) -> list[str]:
     """Return, for each case of the stored table, a sentence on its missing entries, grouped by reason."""
     return [
-        f"{case} is without {'; '.join(group['entries'])}: each {group['reason']}"
+        f"{case} does not include {'; '.join(group['entries'])}: each {group['reason']}"
         for case, groups in stored["left_out"].items()
         for group in groups
     ]

@@ -166,7 +166,7 @@ def show(screen: Screen, found: SweepResult, labels: Labels | None) -> None:
     screen.line("")
     screen.table(("variance of", "controller", "due to", "share", "95 % interval"), grouped(explained), leads=3)
     for how in dict.fromkeys(one.estimator for one in found.evidence.sensitivities):
-        screen.line(f"Shares of the variance: {how}. Fractions that are not listed cannot be distinguished from 0.")
+        screen.line(f"Fractions of the variance: {how}. Fractions that are not listed cannot be distinguished from 0.")
     for note in found.evidence.notes:
         screen.line(f"Note: {note}.", "yellow")
     screen.line(f"Intervals: {found.evidence.intervals}.")

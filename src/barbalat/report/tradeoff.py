@@ -122,9 +122,9 @@ def show(screen: Screen, found: TradeOff) -> None:
     schemes = [cloud.scheme for cloud in found.clouds]
     screen.line(f"{found.problem.name}: the delay [s] that the plant's input tolerates", "bold")
     screen.line(
-        f"The largest delay that any tuning tolerates whose relative error, RMS |e| / RMS |x_m|, is at most the value in the "
-        f"first column. Onset: the loop begins to oscillate. Loss: its error grows by {found.by.lost.share:g} max |x_m| or the "
-        f"run is lost. Either may come first."
+        f"Each entry is the largest delay that is tolerated by any tuning with a relative error, RMS |e| / RMS |x_m|, of at most "
+        f"the value in the first column. Onset: the loop begins to oscillate. Loss: its error grows by {found.by.lost.share:g} "
+        f"max |x_m| or the run is lost. Either may come first."
     )
     headings = ("error", *(f"{criterion}:\n{scheme}" for criterion in ("onset", "loss") for scheme in schemes))
     for which in reversed(panels(found)):

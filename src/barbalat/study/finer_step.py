@@ -158,7 +158,7 @@ class Confirmed:
             return None
         simulation = self.simulation
         again = f"a step of {simulation.dt:g} s" if simulation.tolerance is None else simulation.step
-        return f"{again} gives the same verdicts a tenth to either side of the simulated {self.what}"
+        return f"{again} gives the same verdicts 10 % above and below the simulated {self.what}"
 
 
 def delays_confirmed(

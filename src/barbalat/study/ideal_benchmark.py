@@ -40,8 +40,8 @@ SIZES_TRIED = 16
 interpolated."""
 NOISE_SENTENCE = (
     "oscillation is judged on the same run without the case's measurement noise, which moves controls as fast as an oscillation "
-    "does. With the noise the loop must not be lost. The noise may add to the run's RMS error at most a third of the judge's "
-    "band more than it adds with theta known and without the modelling error"
+    "does. With the noise the loop must not be lost. The noise may increase the RMS error of the run by at most a third of the "
+    "judge's band more than it does with theta known and without the modelling error"
 )
 NOISE_BAND_SHARE = 1 / 3
 """Fraction of the judge's band: the band limits the largest error, and an error as random as the noise has an RMS of a third of
@@ -245,7 +245,7 @@ class JudgedRuns:
             if asked is not Criterion.LOSS:
                 shaken = shaken | self._costs_more(seen, without.of(left), which, sizes)
             for i, size, itself in zip(which[shaken], sizes[shaken], seen.oscillates[shaken], strict=True):
-                ended = "the noise makes it a limit cycle, or it is lost" if itself else "the noise outgrows its band"
+                ended = "with the noise it is in a limit cycle or lost" if itself else "the noise increases its error too much"
                 self.ends.setdefault((int(i), float(size)), ended)
             begun[left] |= shaken
         return begun, loss

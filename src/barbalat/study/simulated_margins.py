@@ -37,7 +37,7 @@ MEASURED_SENTENCE = (
     "the run lost or in a limit cycle, or when an oscillation grows throughout the observed time"
 )
 FILLED_SENTENCE = (
-    "its estimates already cover the known set without a delay: the noise drives one of them from end to end in the last quarter"
+    "even without a delay, the noise drives one of its estimates from end to end of the known set in the last quarter"
 )
 PARTS = 3
 """Number of searches for each controller: the delay, the gain upwards and the gain downwards."""
@@ -154,7 +154,7 @@ class _Measured:
 
     def _in_words(self, simulation: Simulation) -> str:
         if self.delay.oscillates[0]:
-            return "none: it is in a limit cycle, or oscillates more and more, without any delay"
+            return "none: even without a delay it is in a limit cycle, or its oscillation grows"
         delay, loses = float(self.delay.onset.tolerates[0]), float(self.delay.onset.loses[0])
         longest = " at least" if np.isinf(loses) else ""
         tolerated = (
@@ -170,22 +170,23 @@ class _Measured:
         values, delay = certificate.values, float(self.delay.onset.tolerates[0])
         keys = [key for key in ("delay_margin", "delay_margin_adapting") if key in values]
         larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key], longest)]
-        said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
+        said = [half_sentence(f"delay margin, {delay:.3g} s", larger)] if larger else []
         up, down = values.get("gain_margin"), values.get("gain_reduction_margin")
         known = "gain_margin" in values and "gain_reduction_margin" in values  # None: no gain destabilises the linear loop
         linear = min(up or np.inf, 1 / down if down else np.inf)
         if known and linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR)), np.inf):
             said.append(
                 half_sentence(
-                    f"gain margin, {self.gain:.3g}, in decibels",
+                    f"gain margin, {self.gain:.3g}",
                     [f"gain_margin, {'any gain' if np.isinf(linear) else f'{linear:.3g}'}"],
+                    ", in decibels",
                 )
             )
         lost = float(self.delay.loss.loses[0])
         if lost <= delay:
             said.append(
-                f"the motion is lost no later than the loop oscillates: from a delay of {lost:.3g} s on the error in the tail "
-                f"has grown by {self.by.lost.share:g} times the largest |x_m|, delay_margin_simulated"
+                f"the loop counts as lost no later than it oscillates: from a delay of {lost:.3g} s on, the error in the tail "
+                f"has grown by {self.by.lost.share:g} times the largest |x_m| (delay_margin_simulated)"
             )
         return said
 
@@ -200,9 +201,10 @@ def less_than_half(measured: float, linear: float | None, largest: float = LONGE
     return measured < 0.5 * (largest if linear is None else min(linear, largest))
 
 
-def half_sentence(measured: str, linear: Sequence[str]) -> str:
+def half_sentence(measured: str, linear: Sequence[str], scale: str = "") -> str:
     """The finding that a measured margin is less than half of the linear margins."""
-    return f"the measured {measured} is less than half of {'; of '.join(linear)}, which are for linear loops without limits"
+    theirs = "that of the linear loop" if len(linear) == 1 else "those of the linear loops"
+    return f"the measured {measured}, is less than half of {theirs} without limits{scale}: {'; '.join(linear)}"
 
 
 def _of_linear(value: float | None) -> str:
@@ -223,7 +225,7 @@ def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
     if problem.faults:
         parts.append("its faults")
     if problem.noise is not None:
-        parts.append("judged without its noise and again with it; the verdict here is without it")
+        parts.append("judged without its noise and again with it; the verdict shown is the one without noise")
     stepped = f"{simulation.solver.name}, {simulation.step}" if simulation.tolerance is None else simulation.how
     return f"{', '.join(parts)}; {stepped}"
 

@@ -236,7 +236,7 @@ def _drawn(found: TauLimits, *, shown: bool) -> Figure:
     theme, lost = Theme.current(), found.loses > 0
     limits.plot(found.sizes, found.tolerates, "o-", color=theme.colour(0), markersize=4, label="smallest tau tolerated")
     limits.plot(
-        found.sizes[lost], found.loses[lost], "x", color=theme.colour(1), markersize=6, label="largest smaller tau that is lost"
+        found.sizes[lost], found.loses[lost], "x", color=theme.colour(1), markersize=6, label="largest tau below it that is lost"
     )
     _set_up(limits, "Lower limit on tau", "size of the modelling error", "tau")
     chosen = np.unique(np.linspace(0, len(found.sizes) - 1, min(len(found.sizes), MOST_CURVES)).round().astype(int))

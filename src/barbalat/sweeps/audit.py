@@ -74,15 +74,15 @@ class Audit:
             finer = "1/32 of its tolerance" if self.tolerance else "half its step"
             return [f"no member was repeated at {finer}, so any fraction may be due to the solver: {self.why}"]
         low, high = self.share.interval
-        again = f"of {validate.counted(len(self.members), 'member')} repeated at {self._finer[0]}"
+        again = f"{validate.counted(len(self.members), 'member')} repeated at {self._finer[0]}"
         within = f"{100 * self.share.share:.3g} %, 95 % interval {100 * low:.3g} to {100 * high:.3g} %"
         if self.changed:
             smaller = f"a smaller {self._finer[1]} is needed"
-            said = [f"{again}, {self.changed} changed a verdict ({within}; {self._changes}): {smaller}"]
+            said = [f"{self.changed} of {again} changed a verdict ({within}; {self._changes}): {smaller}"]
         else:
-            said = [f"{again}, no verdict changed ({within})"]
+            said = [f"no verdict changed in {again} ({within})"]
         if left := self.drawn - len(self.members):
-            said.append(f"{validate.counted(left, 'member')} also drawn could not be repeated: no step settles them")
+            said.append(f"{validate.counted(left, 'further drawn member')} could not be repeated, because no step settles them")
         if errors := {name: count for name, count in self.errors.items() if count}:
             counts = ", ".join(f"{count} of {name}" for name, count in errors.items())
             said.append(f"the largest |e| changed by more than {EQUAL_FIGURES_SHARE:.0%} in these members: {counts}")

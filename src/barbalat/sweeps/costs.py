@@ -127,7 +127,7 @@ class Costs:
         """Measure a second's work on members of a study; Raises InputError as in a sweep, and if ``barbalat[study]`` is
         missing."""
         require_parquet()
-        study.example.simulation.require_steps("what is measured of a sweep's costs")
+        study.example.simulation.require_steps("a measurement of a sweep's costs")
         settling = Settling(study)
         whole = min(chunk_size(len(study), study.steps), MOST_MEMBERS, len(study))
         count = min(chunk_size(1, study.steps), whole)

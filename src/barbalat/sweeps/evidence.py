@@ -219,14 +219,15 @@ def _meaning(plan: Plan) -> str:
     """The meaning of the intervals, which depends on how the members were chosen."""
     kind = {
         Design.RANDOM: "exact: the members are independent draws",
-        Design.LATIN: "those of the same number of independent draws; the variance of a Latin hypercube's fraction is at most "
-        "n/(n - 1) times theirs",
-        Design.SOBOL: "those of the same number of independent draws, as a guide: points of a Sobol sequence are not independent",
-        Design.SALTELLI: "those of the same number of independent draws, as a guide: rows of Saltelli's design share "
+        Design.LATIN: "computed as if the members were independent draws; the variance of a Latin hypercube's fraction is at "
+        "most n/(n - 1) times that of as many independent draws",
+        Design.SOBOL: "computed as if the members were independent draws, as a guide: points of a Sobol sequence are not "
+        "independent",
+        Design.SALTELLI: "computed as if the members were independent draws, as a guide: rows of Saltelli's design share "
         "their numbers",
     }[plan.design]
     if not plan.draws:
-        return "those of the same number of independent draws, as a guide: a grid is not a random sample"
+        return "computed as if the members were independent draws, as a guide: a grid is not a random sample"
     if plan.axes:
-        return "those of the same number of independent draws, as a guide: at each point of the grid the draws are the same"
+        return "computed as if the members were independent draws, as a guide: at each point of the grid the draws are the same"
     return kind

@@ -33,7 +33,7 @@ def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping
     if path.keys[0] == "parameters":
         raise InputError(f"{path} = {KNOWN_SET}: physical parameters are drawn from their ranges; write {path}={BETWEEN}")
     if stands_there is None:
-        vector = "a vector of estimated parameters, as plant.theta"
+        vector = "a vector of estimated parameters, such as plant.theta"
         raise InputError(f"the case has no {path}; {KNOWN_SET} needs {vector}")
     known = problem.uncertainty if isinstance(problem, Problem) else None
     shape = np.shape(stands_there) if isinstance(stands_there, (list, tuple, np.ndarray)) else ()

@@ -28,11 +28,11 @@ INDEX_KEY = b"barbalat"
 READ_AT_ONCE = 2**27
 """Bytes of columns read at once."""
 NAMES_OF_DIFFERENCES = {
-    "case": "another case file",
-    "plan": "other --vary, --sample, --members, --design or --seed",
-    "equations": "other equations",
-    "judge": "the verdicts of another judge",
-    "bounds": "the other choice of --no-bounds",
+    "case": "a different case file",
+    "plan": "a different --vary, --sample, --members, --design or --seed",
+    "equations": "different equations",
+    "judge": "the verdicts of a different judge",
+    "bounds": "the opposite choice of --no-bounds",
 }
 """The words for a difference, by the keys of ``Study.identity``."""
 

@@ -222,8 +222,8 @@ SHORT_TAIL = (
     "this period are counted. Use a longer run, or judge.closely = true, which takes up to three and a half times as long"
 )
 UNJUDGED = (
-    "this store is older than the verdicts on runs: its members have neither verdicts nor finer steps; use a different --store, "
-    "or none, to obtain them"
+    "this store was written before runs had verdicts: its members have neither verdicts nor finer steps; use a different "
+    "--store, or none, to obtain them"
 )
 """A store without the judge's columns. Its rows are read, and new rows get the same columns."""
 

@@ -46,7 +46,7 @@ CHUNK_SECONDS, FLIGHT_BYTES = 30.0, 1000.0
 DIFFERENCES = {
     "case": "a different flight, or different --schemes or --failures",
     "plan": "more --dispersions, or a different --seed",
-    "equations": "other equations",
+    "equations": "different equations",
 }
 """Words for the differences from another store, by the keys of ``Campaign.identity``."""
 

@@ -35,7 +35,7 @@ def fly(
     """Fly controllers on a flight model, each through every failure. This requires ``barbalat[flight]``, which contains JSBSim
     and MuJoCo.
 
-    name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command; "f16-roll": a roll-rate command; "quadrotor": a figure
+    name         "f16-pitch": JSBSim's F-16 tracks a pitch-rate command; "f16-roll": a roll-rate command; "quadrotor": a figure
                  of eight in MuJoCo, flown by a geometric controller with the additions of the schemes; or another installed
                  vehicle
     schemes      names from ``vehicles.registry.vehicles()[name].schemes``; all by default, including "hinf" if the extra

@@ -50,7 +50,7 @@ def test_calls_of_a_jittered_timer_are_counted_once():
     assert run.missed.samples == 200 and 25 <= run.missed.missed <= 26
     assert "rounded to solver steps" not in run.missed.sentence
     coarse = missed(replace(PROBLEM, shell=SHELL, faults=faults), dt=0.0025)
-    assert "the timer's jitter is only 2 of them: use a smaller dt" in coarse.missed.sentence
+    assert "the timer's jitter is only 2 steps: use a smaller dt" in coarse.missed.sentence
     assert halved({"MRAC": coarse})["MRAC"].half_step is None  # its calls would be different
 
 

@@ -76,7 +76,7 @@ def test_the_estimates_at_the_end_are_all_that_a_scheme_adapts():
     assert ends_of(direct) == f"{text_of(direct.theta_hat[-1].tolist())}; k_r {direct.reported['k_r_hat'][-1][0]:.4g}"
     assert ends_of(plain) == text_of(plain.theta_hat[-1].tolist())
     weights = np.abs(net.reported["V_hat"][-1])
-    assert ends_of(net).endswith(f"; V of {weights.size} entries, {weights.max():.4g} the largest")
+    assert ends_of(net).endswith(f"; V {weights.max():.4g}, the largest of {weights.size} entries")
     assert f"<td>{ends_of(direct)}</td>" in direct._repr_html_()
 
 

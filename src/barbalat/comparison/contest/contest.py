@@ -277,7 +277,9 @@ def _notes(
         said.append(NOISE_SENTENCE)
     for one in tuned:
         if one.at_edge:
-            said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of the search range; values beyond it may be better")
+            are = "is" if len(one.at_edge) == 1 else "are"
+            edge = f"{' and '.join(one.at_edge)} {are} at the end of the search range"
+            said.append(f"{one.name}: {edge}; values beyond it may be better")
     said += _starts(problem, tuned)
     if ReferenceMotion.of(problem, simulation).comes_to_rest:
         said.append(REST_SENTENCE)
@@ -294,7 +296,7 @@ def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
             continue
         if one.start is None:
             if theta_set.middle.any() and len(initial_estimates(read, one.controller)):
-                said.append(f"{one.name}: its estimates may not be those of theta, so they start at the values of the scheme")
+                said.append(f"{one.name}: its estimates may not be estimates of theta, so they start at the scheme's own values")
         elif not np.array_equal(one.start, theta_set.middle):
             said.append(
                 f"{one.name} starts with estimates of {validate.show(one.start)} instead of the centre of the known set, "

@@ -36,9 +36,9 @@ def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure
         )
     axes.set_yticks([])
     axes.set_ylim(-len(names) + 0.4, 0.8)
-    axes.set_xlabel("RMS |e| / RMS |x$_m$| (× where it was tuned)" if narrow else
-                    "RMS |e| over RMS |x$_m$| of each validation run (× on the worst plant of the "
-                    "tuning)", fontsize=9)  # fmt: skip
+    axes.set_xlabel("RMS |e| / RMS |x$_m$| (× on the worst tuning plant)" if narrow else
+                    "RMS |e| over RMS |x$_m$| of each validation run (× on the worst tuning plant)",
+                    fontsize=9)  # fmt: skip
     axes.tick_params(labelsize=9)
     axes.grid(visible=True, axis="x", linewidth=0.3)
     axes.spines[["top", "right", "left"]].set_visible(False)

@@ -186,11 +186,11 @@ class Remeasured:
 
     def sentence(self, name: str, fine: Simulation, remedy: str) -> str:
         """Return the finding as a sentence, with a remedy if something changes."""
-        again = f"{name}: of {counted(self.runs, 'validation run')} repeated at {fine.step}"
+        again = f"{name}: repeating {counted(self.runs, 'validation run')} at {fine.step}"
         if not (self.verdicts or self.errors):
-            return f"{again} none changes its verdict or its error"
+            return f"{again} changes no verdict and no error"
         return (
-            f"{again} the verdict changes on {self.verdicts}, and the error changes by more than "
+            f"{again} changes the verdict on {self.verdicts}, and the error by more than "
             f"{100 * EQUAL_FIGURES_SHARE:.0f} % on {self.errors}: some of these changes are due to the solver; {remedy}"
         )
 

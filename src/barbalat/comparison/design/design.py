@@ -49,7 +49,7 @@ smaller error on the tuning plants meets everything."""
 ASKED_IN_WORDS = {
     "settling": "settles in {:.3g} s", "overshoot": "overshoots by {:.3g} % of the step", "u_max": "demands |u| up to {:.4g}",
     "error": "has |e| up to {:.4g} under the command of the case",
-    "noise": "has noise in u of {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
+    "noise": "has noise in u of {:.3g} times its largest value", "delay": "tolerates {:.3g} s of added delay",
     "gain": "tolerates the gain multiplied and divided by {:.3g}",
 }  # fmt: skip
 CLEARLY_LESS = 0.9
@@ -204,7 +204,7 @@ class Design:
             return "No scheme meets the specification"
         failure = self.failure(first)
         meets = f"{first.name} meets the specification"
-        return meets if failure is None else f"{meets} under the command of the case only: {failure}"
+        return meets if failure is None else f"{meets} only under the command of the case: {failure}"
 
     @property
     def reasons(self) -> list[str]:
@@ -225,7 +225,7 @@ class Design:
             )
         else:
             said.append("none of the schemes meets the specification")
-            said += [f"the nearest scheme, by all its misses together, is {first.name}, which {first.sentence}"]
+            said += [f"the scheme that comes nearest, by all its misses together, is {first.name}, which {first.sentence}"]
             if any(first.held_out[name].count for name in first.misses if name in first.held_out):
                 said.append("a larger --plants tunes on more plants, which may prevent failures on validation plants")
         if self.tried[1]:
@@ -240,8 +240,8 @@ class Design:
             said.append(self.test.sentence)
         if asked is not None and self.model_settling > asked:
             said.append(
-                f"the reference model itself settles in {self.model_settling:.3g} s, but {asked:.3g} s is required: "
-                f"{self._faster_model}, since controllers follow it"
+                f"the reference model itself settles in {self.model_settling:.3g} s, but {asked:.3g} s is required. "
+                f"Controllers track the model{self._faster_model}"
             )
         if self.added_noise is not None:
             decides = "" if self.specification.noise is None else ", on which the required noise fraction of u depends"
@@ -263,7 +263,8 @@ class Design:
     @property
     def _faster_model(self) -> str:
         around = self.contest.problem.plant.baseline is not None
-        return "make the baseline faster, whose loop with the nominal plant is the model" if around else "make its poles faster"
+        own = ", which is the loop of the baseline with the nominal plant: make the baseline faster"
+        return own if around else ": make its poles faster"
 
     @property
     def baseline(self) -> Candidate | None:
@@ -284,7 +285,7 @@ class Design:
         if shared:
             helps = any(one.missed_less(found, name) for name in shared for one in others)
             end = "adaptation helps, but not enough" if helps else "adaptation does not help"
-            said.append(f"every scheme misses {' and '.join(shared)}, and {what}{beside} too: {end}")
+            said.append(f"every scheme misses {' and '.join(shared)}, and so does {what}{beside.rstrip(',')}: {end}")
         return said
 
     def as_json(self) -> dict[str, Any]:

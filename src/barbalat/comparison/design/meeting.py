@@ -134,8 +134,8 @@ class StepTest:
             return f"settling and overshoot are judged on the step of {self.name} {self.stages[0].text}"
         first, largest = (one.text for one in self.stages)
         return (
-            f"settling and overshoot are judged on two steps that the command makes, the first of {self.name}, {first}, and the "
-            f"largest, {largest}: the worse counts"
+            f"settling and overshoot are judged on two steps of the command, the first of {self.name}, {first}, and the "
+            f"largest, {largest}; the worse result counts"
         )
 
     def worst(self, t: Array, y: Array) -> dict[str, tuple[float, str]]:

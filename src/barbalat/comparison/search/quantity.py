@@ -52,8 +52,8 @@ OF_A_LINEAR_LOOP = frozenset(
 LINEAR_DELAYS = ("delay_margin", "delay_margin_each", "delay_margin_adapting")
 """The delay margins among these margins."""
 LINEAR_SENTENCE = (
-    "{key} belongs to a linear loop without input limits, rate limits, quantisation and a changing command, which may cause a "
-    "limit cycle at a much smaller delay. delay_margin_measured is found by simulating the loop in motion"
+    "{key} belongs to a linear loop without input limits, rate limits, quantisation or a changing command, any of which may "
+    "cause a limit cycle at a much smaller delay. delay_margin_measured is found by simulating the loop in motion"
 )
 
 

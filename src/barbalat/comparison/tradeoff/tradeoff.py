@@ -204,17 +204,19 @@ class FrontCheck:
     def sentence(self) -> str:
         """The finding as a sentence."""
         count = validate.counted(len(self.tunings), "tuning")
-        again = f"{self.scheme}: of {count} on the fronts of the plant of the case, repeated at {self.simulation.step},"
+        again = f"{self.scheme}: repeating {count} on the fronts of the plant of the case at {self.simulation.step}"
         if not self.tunings:
             return f"{self.scheme}: no tuning lies on a front of the plant of the case, and none was repeated at a finer step"
-        said = f"{again} none changes its result"
+        said = f"{again} changes no result"
         if self.changed:
             first = next(iter(self.changed.values()))
-            differing = len(self.changed)
-            change = f"{differing} {'changes its result' if differing == 1 else 'change their results'}"
-            said = f"{again} {change} (such as: {first[0]}); make {self.simulation.refined_by} smaller"
+            change = f"{again} changes {validate.counted(len(self.changed), 'result')}"
+            said = f"{change} (such as: {first[0]}); make {self.simulation.refined_by} smaller"
         if self.unsettled:
-            said += f"; for {len(self.unsettled)} the finer run leaves the solver's region of stability too and settles nothing"
+            said += (
+                f"; for {len(self.unsettled)} of them the finer run also leaves the solver's region of stability and settles "
+                f"nothing"
+            )
         return said
 
     def as_json(self) -> dict[str, Any]:

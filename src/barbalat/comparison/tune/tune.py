@@ -319,8 +319,8 @@ def _unmet(tuner: Tuner, one: Tuned) -> str:
     if plants == 1:
         return f"the run diverges with each of {tunings}"
     return (
-        f"each of {tunings} diverges on at least one of the {plants} plants: that of the case and others of its known set. A "
-        f"smaller known set may help; --plants 1 uses only the plant of the case"
+        f"each of {tunings} diverges on at least one of the {plants} plants, which are the plant of the case and others from "
+        f"its known set. A smaller known set may help; --plants 1 uses only the plant of the case"
     )
 
 
@@ -331,7 +331,7 @@ def _compared_with_linear(one: Tuned) -> list[str]:
         return []
     linear = {asked.quantity.name: value for asked, value in point.found.items() if asked.quantity.key in LINEAR_DELAYS}
     larger = [f"{key}, {value:.3g} s" for key, value in linear.items() if value is not None and less_than_half(measured, value)]
-    return [half_sentence(f"delay margin, {measured:.3g} s on the worst of the plants,", larger)] if larger else []
+    return [half_sentence(f"delay margin, {measured:.3g} s on the worst of the plants", larger)] if larger else []
 
 
 def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:

@@ -177,10 +177,10 @@ def _long(names: list[str]) -> int:
 AXES = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "heading": 2}
 """Words for an axis, and its number in ArduPilot."""
 OUTAGE = """
-If an outage exceeds the case's `longest_outage`, the main controller takes over, whichever `fallback` the case has. A working
+If an outage exceeds the case's `longest_outage`, the main controller takes over, whatever `fallback` the case declares. A working
 controller is better than a held or fading torque, or a baseline on an old measurement. A message reports it once in each
-engagement. The controller continues to check the samples, with its estimates frozen. It acts again from the first sample on
-whose measurement, command and result it accepts, with the estimates kept and without a bump. A sensor that remains stuck, or a
+engagement. The controller continues to check the samples, with its estimates frozen. It acts again from the first sample
+whose measurement, command and result it accepts, with its estimates kept and without a bump. A sensor that remains stuck, or a
 bad value that persists, therefore leaves the axis to the main controller.
 """
 ANGLES, RATES = {"": 1.0, "rad": 1.0, "deg": DEGREES}, {"": 1.0, "rad/s": 1.0, "deg/s": DEGREES}

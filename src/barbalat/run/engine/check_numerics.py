@@ -141,13 +141,11 @@ def _unsettled(result: Result, afforded: int, finest: Seen | None) -> FinerStep:
         needed = result.simulation.steps * FINER_BY[0]
         return FinerStep(
             "unsettled",
-            f"not checked: a tenth of the step takes {needed:.2g} steps, and {afforded:.2g} steps, the limit, do not reach "
-            f"the time from which it is unstable",
+            f"not checked: a tenth of the step takes {needed:.2g} steps, and the limit of {afforded:.2g} steps does not reach "
+            f"the time from which the run is unstable",
         )
     dt = result.simulation.dt / tried[-1]
-    reason = (
-        "a finer one is not tried" if tried[-1] == FINER_BY[-1] else f"{afforded:.2g} steps at a finer one do not reach that time"
-    )
+    reason = "a finer step is not tried" if tried[-1] == FINER_BY[-1] else f"{afforded:.2g} finer steps do not reach that time"
     too = f"h = {dt:g} s leaves the region of stability too"
     if finest.diverged_at is not None:
         too += f" and diverges at t = {finest.diverged_at:.6g} s"

@@ -107,7 +107,7 @@ class Batch:
     def part(cls, members: Members, which: slice, *, record: bool = False, lanes: int | None = None) -> Batch:
         """Some of the members; their results do not depend on the others and are bit-identical. Raises InputError for
         variable-step members."""
-        members.simulation.require_steps("what is asked for here")
+        members.simulation.require_steps("a batch of fixed-step runs")
         some = members.some(which)
         return cls(
             some.loop,

@@ -85,7 +85,7 @@ class MeasuredError:
         """In one line."""
         told, own = _told(self.error), _told(self.own)
         if self.reason is not None or not told:
-            return f"error not measured: {self.reason or 'no run with a tolerance reaches the end'}"
+            return f"error not measured: {self.reason or 'no variable-step run reaches the end'}"
         itself = f", whose own error is {own}" if own else ""
         return f"measured error {told} up to t = {self.until:g} s, by a run with a tolerance of {self.tolerance:g}{itself}"
 

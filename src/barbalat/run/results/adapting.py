@@ -288,7 +288,7 @@ def _findings(
                 findings.append(Finding("between bounds", f"{name} reaches both of its bounds {often}"))
             elif least > LONG_SHARE:
                 often = f"{share_text(least, most)} of the time"
-                findings.append(Finding("on bounds", f"{name} is at its projection bounds, {often}"))
+                findings.append(Finding("on bounds", f"{name} is at its projection bounds {often}"))
     if sphere is not None and sphere > LONG_SHARE:
         often = f"at {100 * sphere:.0f} % of the recorded instants"
         findings.append(Finding("on bounds", f"the estimates are on the surface of the known set {often}"))
@@ -299,7 +299,7 @@ def _findings(
 def _said_of(found: Excitation) -> Finding | None:
     """The warning about the excitation, if any."""
     if found.fading < UNEXCITED_RATIO:
-        faded = f"its mean square in the tail is {found.fading:.1g} of its largest"
+        faded = f"its mean square in the tail is {found.fading:.1g} of its largest value"
         return Finding("excitation", f"the regressor has died out: {faded}")
     if found.conditioning < UNEXCITED_RATIO:
         return Finding(

@@ -64,7 +64,7 @@ def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, sha
     if count <= SHAKES * (FEWEST_REVERSALS + TURNS_EXPLAIN * turns):
         return None
     return (
-        f"its control shakes: it reverses {count} times, {count / t_end:.3g} times a second, by at least {percent(share)} "
+        f"its control chatters: it reverses {count} times, {count / t_end:.3g} times a second, by at least {percent(share)} "
         f"of its range, while commands and disturbances reverse {validate.counted(turns, 'time')}"
     )
 

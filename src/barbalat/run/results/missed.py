@@ -47,10 +47,10 @@ class MissedSamples:
         if self.fallback:
             longest += f"; at {percent(self.fallback / self.samples)} of the samples the fallback ({self.named}) acted"
         if self.commands:
-            longest += f"; so were {held} commands"
+            longest += f"; {held} commands were lost or rejected, too"
         if 0 < self.jitter < STEPS_OF_JITTER:
             longest += (
-                f"; calls are rounded to solver steps, and the timer's jitter is only {self.jitter:.2g} of them: use a smaller dt"
+                f"; calls are rounded to solver steps, but the timer's jitter is only {self.jitter:.2g} steps: use a smaller dt"
             )
         return longest
 

@@ -72,7 +72,7 @@ def _end(value: Figure, text: Callable[[Figure], str]) -> str:
     entries = np.ravel([] if value is None else value)
     if len(entries) <= MOST_REPORTED:
         return text(value)
-    return f"of {len(entries)} entries, {np.abs(entries).max():.4g} the largest"
+    return f"{np.abs(entries).max():.4g}, the largest of {len(entries)} entries"
 
 
 def units_of(labels: Labels | None) -> dict[str, str]:

@@ -107,10 +107,10 @@ def _divergences(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str] | None
     """The result if one of the two runs, or both, diverged."""
     if coarse.diverged_at is not None and fine.diverged_at is not None:
         if fine.unstable_from is None:
-            return "loop", f"the divergence is that of the loop itself: {at} the run diverges at t = {fine.diverged_at:.4g} s"
+            return "loop", f"the loop itself diverges: {at} the run diverges at t = {fine.diverged_at:.4g} s"
         if fine.sound_error > OWN_GROWTH_FACTOR * fine.model:
             return "loop", (
-                f"the divergence is that of the loop itself: {at} the run is sound until t = {fine.unstable_from:.4g} s, "
+                f"the loop itself diverges: {at} the run is numerically stable until t = {fine.unstable_from:.4g} s, "
                 f"and |e| has "
                 f"grown to {fine.sound_error:.3g} by then; the model's largest |x_m| is {fine.model:.3g}"
             )
@@ -136,7 +136,7 @@ def _figures(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str]:
     if not changed:
         same = ", ".join(f"{text} {_text(finely)}" for text, (_, finely) in pairs.items())
         within = f"within {100 * EQUAL_FIGURES_SHARE:.0f} %"
-        return "loop", f"the result is that of the loop itself: {at} it is the same {within} ({same})"
+        return "loop", f"the result is due to the loop itself: {at} it is the same {within} ({same})"
     numbers = f"{at} {', '.join(changed)}"
     if min(ratios.values()) < REMAINDER_SHARE:
         return "solver", f"the oscillation is due to the {_whose(fine)}: {numbers}"
@@ -152,9 +152,9 @@ def _compared(seen: Seen) -> dict[str, tuple[Array, float]]:
     found, span = seen.metrics, seen.dt * seen.steps
     return {
         "the estimates' variation [1/s] in the tail": (found.theta_hat_variation_rate[0], 4 * seen.estimates / span),
-        "their total path": (seen.path, seen.estimates),
+        "the estimates' total path": (seen.path, seen.estimates),
         "max |e| in the tail": (found.tail_max_abs_e[0], seen.model),
-        "max |e| in all": (found.max_abs_e[0], seen.model),
+        "max |e| over the run": (found.max_abs_e[0], seen.model),
         "max |u|": (found.max_abs_u[0], float(np.max(found.max_abs_u[0]))),
     }
 

@@ -1,1 +1,1 @@
-"""JSBSim's F-16, which follows a pitch-rate or a roll-rate command."""
+"""JSBSim's F-16, which tracks a pitch-rate or a roll-rate command."""

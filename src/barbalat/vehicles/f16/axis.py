@@ -74,7 +74,7 @@ class Followed:
 
 PITCH = Followed(
     name="f16-pitch",
-    meaning="the F-16 follows a pitch-rate command",
+    meaning="the F-16 tracks a pitch-rate command",
     states=("alpha", "q"),
     rate="q",
     surface="elevator",
@@ -91,7 +91,7 @@ PITCH = Followed(
 )
 ROLL = Followed(
     name="f16-roll",
-    meaning="the F-16 follows a roll-rate command",
+    meaning="the F-16 tracks a roll-rate command",
     states=("beta", "p", "r"),
     rate="p",
     surface="aileron",

@@ -39,7 +39,7 @@ OF_PITCH = (
     Failure(name="elevator-50", meaning="half of the elevator's effectiveness is lost", effectiveness=0.5),
     Failure(
         name="aft-cg",
-        meaning=f"{BALLAST_LB:g} lb move aft by 70 in, the centre of gravity by 5 % of the chord; the airframe is unstable",
+        meaning=f"{BALLAST_LB:g} lb move aft by 70 in, and the centre of gravity by 5 % of the chord; the airframe is unstable",
         ballast_aft=70.0,
     ),
     LATE,

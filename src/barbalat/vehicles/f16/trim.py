@@ -96,7 +96,7 @@ def _require_flyable(condition: FlightCondition, residual: float, alpha: float, 
         f"a throttle of {throttle:.3g}, but its range is 0 to 1": 0 < throttle < 1,
     }
     asked = [text for text, holds in ranges.items() if not holds]
-    why = f"it would take {asked[0]}" if asked else f"Newton's method ends with {residual:.2g} ft/s^2 or rad/s^2 left"
+    why = f"it would take {asked[0]}" if asked else f"Newton's method leaves a residual of {residual:.2g} ft/s^2 or rad/s^2"
     if asked or not residual < LARGEST_RESIDUAL:
         raise InputError(f"the F-16 can't be trimmed in level flight at {condition}: {why}; 10000 ft and Mach 0.5 are possible")
 

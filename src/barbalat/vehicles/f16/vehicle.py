@@ -53,10 +53,10 @@ class F16(Vehicle[Axis, Step, AxisFlight]):
     length = "ft"
     equal_lengths = False
     wire = WIRE
-    shown = "Followed rate, angles, load factor and surface of every controller"
+    shown = "Controlled rate, angles, load factor and surface of every controller"
     notes = (
-        f"all numbers are those after the failure, which occurs at {FAILS_AT:g} s and persists. e is the followed rate minus "
-        f"that of the reference model, alpha the largest angle of attack, and surface the travel of the surface per second",
+        f"all numbers refer to the time after the failure, which occurs at {FAILS_AT:g} s and persists. e is the controlled rate "
+        f"minus that of the reference model, alpha the largest angle of attack, and surface the travel of the surface per second",
         "the project's schemes are tuned by one rule on the linearised aircraft and not on flights; only these schemes are "
         "ranked",
     )
@@ -118,7 +118,7 @@ class F16(Vehicle[Axis, Step, AxisFlight]):
         )
 
     def headline(self, model: Axis) -> str:
-        return f"{self.name} at {model.trim.condition}: RMS error of the followed rate [deg/s] after each failure"
+        return f"{self.name} at {model.trim.condition}: RMS error of the controlled rate [deg/s] after each failure"
 
     def cells(self, figures: Mapping[str, float | None]) -> list[str]:
         surface = f"{self.followed.surface}_travel"

@@ -41,7 +41,7 @@ FAILURES = {
         Failure(name="none", meaning="nothing fails"),
         Failure(
             name="slung-mass",
-            meaning="a mass of 250 g, a quarter of the vehicle's, hangs on 50 cm of cable, hooked on 4 cm off the centre",
+            meaning="a mass of 250 g, a quarter of the vehicle's, hangs on 50 cm of cable, attached 4 cm off the centre",
             slung=SlungMass(),
         ),
         Failure(name="half-propeller", meaning="one rotor gives half its thrust", effectiveness=0.5),

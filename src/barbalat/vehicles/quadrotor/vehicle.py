@@ -67,9 +67,9 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
     columns = COLUMNS
     units = FIGURES
     notes = (
-        f"all numbers are those after the failure, which occurs at {TIMING.fails_at:g} s and persists (no-reset: after the start "
-        f"at {TAKES_OFF:g} s). e is the distance from the commanded position, and sinks the largest distance below it; "
-        f"rotors is the average change of a thrust in a second. limited is the fraction of the time with some rotor at an "
+        f"all numbers refer to the time after the failure, which occurs at {TIMING.fails_at:g} s and persists (no-reset: after "
+        f"the start at {TAKES_OFF:g} s). e is the distance from the commanded position, and sinks the largest distance below it; "
+        f"rotors is the average change of a thrust per second. limited is the fraction of the time with some rotor at an "
         f"end of its range",
         "the project's schemes are tuned by one rule, axis by axis, on the linearised vehicle and not on flights; only these "
         "schemes are ranked",
@@ -168,9 +168,8 @@ VEHICLES = (
             timing=CAMPAIGN_TIMING,
             travel=("rotor_travel", "rotors"),
             beside=("Geometric, integral", "integral"),
-            set_by="one rule for all (benchmarks/flight_tuning.py): on each linearised axis the smallest RMS error with "
-            "half of the "
-            "delay margin that the feedback has alone and a gain margin of 1.5",
+            set_by="one rule for all (benchmarks/flight_tuning.py): on each linearised axis, the smallest RMS error "
+            "with a gain margin of 1.5 and half of the delay margin of the feedback alone",
             chunk=56,
         ),
     ),
