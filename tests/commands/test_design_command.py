@@ -195,7 +195,7 @@ def test_what_the_baseline_alone_misses_is_said_beside_the_schemes_asked_for(tmp
     told = json.loads(capsys.readouterr().out)
     assert set(told["candidates"]) == {"MRAC", "Baseline"} and not told["candidates"]["Baseline"]["meets"]
     (said,) = (one for one in told["reasons"] if one.startswith("every scheme misses"))
-    assert "noise" in said and said.endswith(", and the baseline alone too: adaptation does not help")
+    assert "noise" in said and said.endswith(", and so does the baseline alone: adaptation does not help")
 
 
 def candidate(name, alone, **factor):
