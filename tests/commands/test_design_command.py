@@ -315,8 +315,9 @@ def among(**held_out):
     )
     specification = SimpleNamespace(settling=None, overshoot=None, noise=1.0)
     return Design(
-        case=SimpleNamespace(problem=SimpleNamespace(labels=None)), specification=specification, test=None, sample_time=0.01,
-        model_settling=1.0, candidates=tuple(made[name] for name in order), contest=contest,
+        case=SimpleNamespace(problem=SimpleNamespace(labels=None)), specification=specification,
+        test=SimpleNamespace(component=0), sample_time=0.01, model_settling=1.0,
+        candidates=tuple(made[name] for name in order), contest=contest,
     )  # fmt: skip
 
 
