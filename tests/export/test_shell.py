@@ -493,7 +493,7 @@ def test_a_shell_that_refuses_the_case_itself_is_not_exported() -> None:
     case = parse_case(CASE + "[shell]\nrange = { angle = [-0.5, 0.5] }")
     with pytest.raises(
         InputError,
-        match=r"shell.range.angle rejects the case's fault-free run: angle leaves it at sample \d+, "
+        match=r"shell.range.angle rejects the case's fault-free run: angle leaves the range at sample \d+, "
         r"t = ",
     ):
         files(case.problem, case.controllers[0], case.simulation)
@@ -505,9 +505,7 @@ def test_a_shell_that_refuses_the_cases_command_is_not_run(tmp_path, capsys) -> 
     case.write_text(moving + "[shell]\nrate = { command = 0.01 }")
     assert main(["run", str(case), "--no-plots"]) == 2
     refused = capsys.readouterr().err
-    assert (
-        "shell.rate.command rejects the case's fault-free run: command changes faster than it at sample 1, t = 0.01 s"
-    ) in refused
+    assert ("shell.rate.command rejects the case's fault-free run: command exceeds the rate at sample 1, t = 0.01 s") in refused
     assert main(["export", str(case), "--controller", parse_case(moving).controllers[0].name, "--out", str(tmp_path / "x")]) == 2
     assert capsys.readouterr().err == refused
     case.write_text(moving + "[shell]\nrate = { command = 1e6 }")

@@ -40,7 +40,7 @@ class Guarantee:
     M_0: float | None = None
 
 
-SMALL_ENOUGH = "with a normalised law x stays bounded if {} is small enough; the limit is not known"
+SMALL_ENOUGH = "with a normalised law, x stays bounded if {} is small enough; the limit is not known"
 CORNERS = "nothing is guaranteed if the projection cuts corners"
 
 

@@ -102,7 +102,7 @@ def case_table(problem: type, further: tuple[tuple[str, type], ...] = (), *, alo
     """
     schemes = {**CASES[problem], **dict(further)}
     controllers = GenericAlias(list, (_one_of(schemes, "scheme"),))
-    meaning = "the controllers that are compared on the problem, a table [[controller]] for each"
+    meaning = "the controllers that are compared on the problem, with a table [[controller]] for each"
     how = Field(min_length=1, description=meaning) if alone else Field(default_factory=list, description=meaning)
     return _model(_recipe(problem), controller=(controllers, how))
 
@@ -133,7 +133,7 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
     choices = choices_of(keys)
     if not choices:
         return Recipe(settings, keys, make, choice)
-    meaning = "the modification of the law, by its keys; none by default"
+    meaning = "the modification of the law, given by its keys; none by default"
     keys |= {name: Key(_modification_of(name, kinds), meaning, None) for name, kinds in choices.items()}
     if not is_scheme:
         keys |= modification_keys(choices)

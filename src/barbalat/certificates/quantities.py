@@ -43,7 +43,7 @@ QUANTITIES = {
     "nu_0_worst": Quantity("the same for the worst theta of the known set", timeless=True),
     "initial_parameter_error": Quantity("|theta_tilde(0)|", timeless=True),
     "P": Quantity("P A_m + A_m'P = -I, row by row", form=Form.MATRIX),
-    "lambda_min": Quantity("of P, from below", below=True, timeless=True),
+    "lambda_min": Quantity("smallest eigenvalue of P, from below", below=True, timeless=True),
     "theta_max": Quantity("largest |theta|_1 of the known set", timeless=True),
     "bounds": Quantity("bounds on |r| and on every component of x_m, at all times", form=Form.BOUNDS, timeless=True),
     "norms": Quantity("L1 norms, enclosed", form=Form.NORMS, timeless=True),
@@ -86,10 +86,10 @@ QUANTITIES = {
     "delay_margin_simulated": Quantity("measured: largest delay before loss of the motion, see below", "s"),
     "mu_parameters": Quantity("mu with respect to the known set"),
     "parameter_scale": Quantity("factor by which the known set may grow"),
-    "theta_destabilising": Quantity("parameters that destabilise"),
+    "theta_destabilising": Quantity("parameters that destabilise the loop"),
     "mu_dynamics": Quantity("mu with respect to the unmodelled dynamics"),
     "mu": Quantity("mu with respect to both"),
-    "mu_frequency": Quantity("where it peaks", "rad/s"),
+    "mu_frequency": Quantity("frequency at which mu peaks", "rad/s"),
 }
 
 EACH_INPUT = {

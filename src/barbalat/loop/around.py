@@ -206,14 +206,14 @@ class Around:
             (commands, problem.command_names, of_commands),
         ):
             for name, key, wrong in (
-                ("range", "leaves", (given < low) | (given > high)),
-                ("rate", "changes faster than", np.abs(np.diff(given, axis=0, prepend=given[:1])) > rate),
+                ("range", "leaves the range", (given < low) | (given > high)),
+                ("rate", "exceeds the rate", np.abs(np.diff(given, axis=0, prepend=given[:1])) > rate),
             ):
                 if wrong.any():
                     k, i = np.argwhere(wrong)[0].tolist()
                     raise InputError.of(
                         f"shell.{name}.{each[i]}",
-                        f"rejects the case's fault-free run: {each[i]} {key} it at sample {k}, t = {k * self.T:g} s",
+                        f"rejects the case's fault-free run: {each[i]} {key} at sample {k}, t = {k * self.T:g} s",
                     )
         for i, most in self.repeats:
             run = 0

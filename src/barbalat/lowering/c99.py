@@ -41,7 +41,7 @@ static {real} barbalat_significand({real} x)
 _POW2 = """\
 static {real} barbalat_pow2({real} k)
 {{
-    {real} x = k + {aligned}; /* 2^{stored} + {largest}: k with its bias stands in the last bits */
+    {real} x = k + {aligned}; /* 2^{stored} + {largest}: k with its bias is in the last bits */
     uint{width}_t bits;
     memcpy(&bits, &x, sizeof bits);
     bits <<= {stored};

@@ -139,4 +139,4 @@ def bounds_the_parameters(found: Guarantee, parameters: Array | None) -> Assumpt
 
 def kept_from_zero(found: Guarantee) -> str:
     """Why the tracking error does not converge to zero, or why convergence is unknown."""
-    return f"with {found.why} the tracking error converges to a set, not to zero" if found.bounded else found.why
+    return f"with {found.why}, the tracking error converges to a set, not to zero" if found.bounded else found.why

@@ -104,7 +104,7 @@ def one_sample_of_delay(problem: Problem, sample_time: float) -> tuple[str, ...]
     return (
         f"without input dynamics, limits, another delay and a sensor's lag, and with a known input gain, a high gain of the law "
         f"and short samples, its loop inside the known set tolerates a delay of one sample, {sample_time:g} s, at the plant's "
-        f"input. With a longer delay the estimates swing between their bounds, and no bound on e is proven",
+        f"input. With a longer delay, the estimates swing between their bounds, and no bound on e is proven",
     )
 
 

@@ -30,7 +30,7 @@ OF_SAMPLED_LOOPS = {
         "largest sample time, starting from the current one, at which that loop with its law is stable", "s"
     ),
     "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for independent measurement noise of standard deviation 1"),
-    "noise_in_u": Quantity("the same of u"),
+    "noise_in_u": Quantity("the same for u"),
     "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at equilibrium, row by row; it is not I", form=Form.MATRIX),
 }
 LINEAR_CONTROLLER = "the sampled controller is linear and time-invariant, phi(x) = x, and no limit acts"
