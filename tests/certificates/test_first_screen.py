@@ -1,8 +1,13 @@
 """The first screen of ``certify`` says for what its guarantees hold, and why others are missing."""
 
+import re
+
+import pytest
+
 from barbalat import certify
-from barbalat.cases.load import parse_case
+from barbalat.cases.load import load_case, parse_case
 from barbalat.certificates import theorems
+from barbalat.certificates.rows import radius_text
 from barbalat.certificates.summary import five
 
 ROLL = """
@@ -200,3 +205,34 @@ def test_an_unstable_sampled_loop_lacks_no_theorem():
     found, _ = roll(("bandwidth = 12.0", "bandwidth = 400.0"))
     entry = found["ADRC"].entry("error_bound")
     assert entry.why == "the sampled-data loop is unstable" and entry.theorem == theorems.LINEAR_UNSTABLE
+
+
+def test_the_first_bound_is_the_smallest_that_holds_at_the_case_s_theta():
+    """On Section V (10) gives 521 for the case's theta, and a bound for any theta of the known set is smaller."""
+    case = load_case("paper")
+    found = certify(case.problem, case.controllers, case.simulation, keys=("error_bound", "error_bound_worst"))
+    lines = {column.name: five(column, found[column.name], None)[1].text for column in found.table.columns}
+    said = {name: text.replace("\N{NO-BREAK SPACE}", " ") for name, text in lines.items()}
+    assert found["L1"].values["error_bound"] > 500
+    assert said["L1"].startswith("guaranteed: 81.4") and "521" not in said["L1"]
+    assert re.match(r"guaranteed: 6\.604; 9\.339 for any theta of the known set", said["MRAC"])
+
+
+@pytest.mark.parametrize(
+    ("radius", "text"), [(0.5, "0.5"), (1.0, "1"), (1 - 4e-7, "1 - 4e-07"), (1 + 2e-6, "1 + 2e-06"), (1.153, "1.153")]
+)
+def test_a_spectral_radius_is_never_rounded_to_one(radius, text):
+    assert radius_text(radius) == text
+
+
+def test_a_sampled_law_also_lacks_its_sampled_theorem():
+    """Removing the delay and the actuator alone would give no bound."""
+    entry = roll()[0]["MRAC"].entry("error_bound")
+    assert {theorems.DELAY, theorems.ACTUATOR, theorems.SAMPLED} <= set(entry.theorem.split("; "))
+    assert entry.why.endswith(", sampled every 0.01 s")
+
+
+def test_another_actuator_of_the_truth_is_named_by_its_coefficients():
+    found, _ = roll(("[labels]", "[truth.input]\nactuator = { num = [20.0], den = [1.0, 20.0] }\n[labels]"))
+    notes = " ".join(found["ADRC"].notes)
+    assert "actuator num = [20], den = [1, 20], not num = [30], den = [1, 30]" in notes and "TransferFunction" not in notes

@@ -27,6 +27,12 @@ def _rounded(value: float, digits: int, rounding: str) -> str:
     return f"{kept:.{digits}g}"  # no digits left to round
 
 
+def radius_text(radius: float) -> str:
+    """A spectral radius with four digits or, if it would then look like 1, with its distance from 1."""
+    text = f"{radius:.4g}"
+    return f"1 {'-' if radius < 1 else '+'} {abs(1 - radius):.2g}" if text == "1" and radius != 1 else text
+
+
 KINDS = {"exact": "linear loop", "advice": "", "does not apply": "does not apply"}
 """The printed forms of kinds that are not printed by their names."""
 NAMES_OF_BOUNDS = {"r": "bound on |r|, at all times", "x_m": "bound on every component of x_m, at all times"}

@@ -71,7 +71,11 @@ def _bound(certificate: Certificate) -> Line:
         theorem = "" if bound is None or not bound.theorem else f". What is missing: {bound.theorem}"
         why = "not known for this scheme" if bound is None else bound.why
         return Line("bound of e", f"none: {why}{theorem}", "does not apply")
-    text = f"{held(bound.kind)}: {up(bound.value)}{_of_unit(bound.unit)}"
+    over_set = worst.value if worst is not None and worst.applies else None
+    of_set = worst is not None and over_set is not None and worst.kind == bound.kind and over_set <= bound.value
+    text = f"{held(bound.kind)}: {up(min(bound.value, over_set) if of_set else bound.value)}{_of_unit(bound.unit)}"
+    if of_set:  # a bound for any theta is one for the case's too
+        text += " for any theta of the known set"
     if THE_CASE_S in bound.rests_on:
         loops = certificate.values.get("margins_over_known_set") or ()
         over = dict.fromkeys(one.get("over", "the known set") for one in loops if "unstable_at" in one)
@@ -79,7 +83,7 @@ def _bound(certificate: Certificate) -> Line:
         text += f", for the case's theta and input gain only{unstable}"
     elif worst is not None and worst.theorem == DISTURBED_SET:
         text += ", for the case's theta only"
-    if worst is not None and worst.applies and worst.value is not None:
+    if worst is not None and over_set is not None and not of_set:
         kind = "" if worst.kind == bound.kind else f"{held(worst.kind)}: "
         text += f"; {kind}{up(worst.value)} for any theta of the known set"
     command = certificate.entry("error_bound_command")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall
 from barbalat.problem.measurement import Sensor
@@ -214,6 +215,8 @@ def _apart(true: object, own: object) -> str:
 def _of(value: object) -> str:
     if value is None:
         return "none"
+    if isinstance(value, TransferFunction):
+        return ", ".join(f"{side} = {_listed(numbers)}" for side, numbers in (("num", value.num), ("den", value.den)))
     return _shown(np.asarray(value)) if isinstance(value, (int, float, tuple, np.ndarray)) else validate.show(value)
 
 
@@ -256,5 +259,8 @@ def _of_set(known: KnownSet) -> str:
 
 
 def _shown(values: Array) -> str:
-    text = ", ".join(f"{one:.4g}" for one in np.ravel(values))
-    return text if np.size(values) == 1 else f"[{text}]"
+    return f"{np.ravel(values)[0]:.4g}" if np.size(values) == 1 else _listed(values)
+
+
+def _listed(values: Array) -> str:
+    return f"[{', '.join(f'{one:.4g}' for one in np.ravel(values))}]"

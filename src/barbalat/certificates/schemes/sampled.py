@@ -20,6 +20,7 @@ from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.linear_loops.over_ranges import MARGINS_KEY
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import leaving_out
+from barbalat.certificates.rows import radius_text
 from barbalat.certificates.schemes import HeldFile, LinearFile, bounded_response, sampled_margins, scheme_file, unregistered
 from barbalat.certificates.schemes.bounded_response import OF_RESPONSES
 from barbalat.certificates.schemes.midpoint import MidpointFile
@@ -127,9 +128,8 @@ def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
     at_rest = ""
     if radius is not None:
         verdict = "stable" if radius < 1 else "unstable"
-        at_rest = (
-            f"; with its law linearised at the largest command, the sampled loop is {verdict} with spectral radius {radius:.4g}"
-        )
+        loop = "with its law linearised at the largest command, the sampled loop"
+        at_rest = f"; {loop} is {verdict} with spectral radius {radius_text(radius)}"
     if not whole_loop:
         return f"with |x| at its bound the law admits sample times only up to {step_max:.3g} s{at_rest}"
     return (
@@ -142,6 +142,9 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
     """The part of an entry for a continuous controller that remains valid for a controller that acts only at samples."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return _at_samples(entry, f"sampled every {controller.sample_time:g} s")
+    if any(one.sentence == ACTS_CONTINUOUSLY.sentence for one in entry.rests_on) and not entry.applies:
+        why = f"sampled every {controller.sample_time:g} s"
+        return replace(_at_samples(entry, why), why=f"{entry.why}, {why}")
     return entry
 
 
@@ -173,7 +176,7 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
             at = "with its law linearised at the largest command"
         elif radius.rest is not None and radius.rest.estimates:
             at = "with its estimates frozen"
-        about = f"{why}; the sampled-data loop {at} is {verdict} with spectral radius {radius.value:.4g}"
+        about = f"{why}; the sampled-data loop {at} is {verdict} with spectral radius {radius_text(radius.value)}"
         cells["stability"] = nothing("stability", about)
     cells |= bounded_response.cells(certificate)
     if controller.discretization == "midpoint":
