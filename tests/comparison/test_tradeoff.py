@@ -144,7 +144,7 @@ def test_refusals(section_v):
     still = load_case("wing-rock").problem
     still = replace(still, reference=section_v.reference.__class__(amplitude=0.0, frequency=1.0))
     still = replace(still, plant=replace(still.plant, x0=np.zeros(2)))
-    assert "moves the regressor" in refusal(lambda: default_knobs(still, simulation))
+    assert "the regressor phi(x) stays zero" in refusal(lambda: default_knobs(still, simulation))
 
 
 SMALL = Problem(
