@@ -153,7 +153,7 @@ def _linear(problem: Problem, found: Response) -> tuple[Assumption, ...]:
 
 
 def _quiet(problem: Problem) -> Assumption:
-    noisy = "" if problem.noise is None else "Gaussian measurement noise has no bound"
+    noisy = "" if problem.noise is None else "Gaussian measurement noise"
     return Assumption("the measurement has no noise", noisy, theorems.GAUSSIAN)
 
 
