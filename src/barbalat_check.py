@@ -314,16 +314,30 @@ class Case:
 
     def push(self, P: fmpq_mat) -> arb:
         """An upper bound on |P w|, where w = b d + sum of E_j d_j is the contribution of the disturbances to x'."""
-        acting = [(list(map(number, one["direction"])), one["signal"]) for one in self.facts["unmatched"]]
-        if self.facts["disturbance"] is not None:
-            require(self.m == 1, "a matched disturbance needs one input")
-            acting.append(([self.b[i, 0] for i in range(self.n)], self.facts["disturbance"]))
         total = arb(0)
-        for direction, signal in acting:
-            require(len(direction) == self.n, "a disturbance needs a direction with an entry for each state")
+        for direction, signal in self.acting():
             pushed = P * column(direction)
             total += root((pushed.transpose() * pushed)[0, 0]) * arb(self.bound_of_signal(signal))
         return total
+
+    def acting(self) -> list[tuple[list[fmpq], dict[str, Any]]]:
+        """The directions in which disturbances enter x', and their signals: the matched one first."""
+        found = [(vector(one["direction"], None), one["signal"]) for one in self.facts["unmatched"]]
+        if self.facts["disturbance"] is not None:
+            require(self.m == 1, "a matched disturbance needs one input")
+            found.insert(0, (self.b.entries(), self.facts["disturbance"]))
+        require(all(len(one) <= self.n for one, _ in found), "a disturbance needs a direction with an entry for each state")
+        return [(one + [fmpq(0)] * (self.n - len(one)), signal) for one, signal in found]  # none on a baseline's states
+
+    def require_linear(self) -> None:
+        quiet = self.facts["noise"] is None and not self.facts["unmatched_ranges"]
+        require(self.linear and quiet, "a linear plant without noise is needed")
+
+    def require_unlimited(self, u: arb) -> None:
+        """Require that a bound on |u| is within the inputs' limits."""
+        for path in self.facts["inputs"]:
+            limits = path["saturation"]
+            require(limits is None or bool(u <= arb(min(-number(limits[0]), number(limits[1])))), "u may reach its limits")
 
     def require_nominal(self, *, any_gain: bool = False, disturbed: bool = False) -> None:
         """Require that the plant is (1): nothing else acts on it, there are no further dynamics before or around it, its state is
@@ -830,6 +844,9 @@ def _reference(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 @rule("error_bound")
 def _error_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    if line.get("witness", {}).get("follows_from") == "linear response":
+        at_least(value, c.earlier("linear response")["error_bound"], "the bound of |e|")
+        return
     at_least(value, ERROR_BOUNDS[c.scheme](c), "the bound of |e|")
 
 
@@ -993,9 +1010,18 @@ def quotients(lower: list[fmpq], upper: list[fmpq], omega: Box, each: list[int])
     return found
 
 
+def of_the_model(c: Controller) -> arb:
+    """With the plant's parameters the loop is the model."""
+    c.case.require_nominal()
+    c.case.require_regular()
+    require("sample_time" not in c.facts, "the controller must act continuously")
+    require(vector(c.fact("theta")) == c.case.parameters, "the parameters must be the plant's")
+    return arb(0)
+
+
 ERROR_BOUNDS: dict[str, Callable[[Controller], arb]] = {
     "mrac": of_mrac, "l1": of_l1, "mrac-closed-loop": of_closed_loop_model, "mrac-direct": of_direct, "baseline": of_fixed_loop,
-    "linear": of_fixed_loop, "adrc": of_fixed_loop, "output": lambda c: small_gain(c)[1][0],
+    "linear": of_fixed_loop, "adrc": of_fixed_loop, "output": lambda c: small_gain(c)[1][0], "known-parameters": of_the_model,
 }  # fmt: skip
 
 
@@ -1107,8 +1133,9 @@ def _output_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
 def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
     """The bound due to the e-modification, which holds whatever else acts on the loop. For a sampled loop it is part of the
     response."""
-    if c.scheme == "sampled":
-        at_least(value, c.earlier("sampled")["control_bound"], "the bound of |u|")
+    of_loop = c.proven.get("sampled") or c.proven.get("linear response")
+    if of_loop is not None:
+        at_least(value, of_loop[line["key"]], "the bound of |u|")
         return
     require("sample_time" not in c.facts and c.case.theta_0 is None, "the controller must act continuously, without a baseline")
     nu, gamma, gamma_v = (number(c.fact(name)) for name in ("nu", "gamma", "gamma_v"))
@@ -1394,11 +1421,9 @@ class SampledLoop:
         near("the model", N, x_m, commands)
         for part in (N, first):
             near("the held command", part, r, commands, identity(len(r)))
-        acting = [case.b] if case.facts["disturbance"] is not None else []
-        acting += [column(vector(each["direction"], self.n)) for each in case.facts["unmatched"]]
-        for k, direction in enumerate(acting):
+        for k, (direction, _) in enumerate(case.acting()):
             B = matrix(facts["B"], self.s)
-            near("a disturbance", B, x, [k], direction)
+            near("a disturbance", B, x, [k], column(direction))
             near("a disturbance", B, [row for row in range(self.s) if row not in x], [k])
         for path in case.facts["inputs"]:
             late = abs(number(path["delay"]) - (self.whole + self.part) * self.T)
@@ -1561,32 +1586,80 @@ def largest_of(values: list[arb]) -> arb:
     return max((one.upper() for one in values), default=arb(0))
 
 
+# --- A continuous linear loop: docs/proofs.md, "A continuous linear loop" -------------------------------------------------------
+
+
+def linear_loop(c: Controller) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, dict[str, tuple[fmpq_mat, fmpq_mat]]]:
+    """A, B for all signals at their sizes, z(0), and C and D of each bound. The rows of x and x_m are derived from the plant."""
+    f, case, n, acting = c.fact("linear loop"), c.case, c.case.n, c.case.acting()
+    sizes = [case.bound_of_signal(one) for one in (*case.facts["reference"], *(signal for _, signal in acting))]
+    N, w, rows, k, start = len(f["A"]), len(sizes), [*f["x"], *f["x_m"]], f["states"], vector(f["start"], len(f["A"]))
+    z, u, v = (
+        blocks([[matrix(f[a], count, N), matrix(f[b], count, w)]]).tolist()
+        for a, b, count in (("A", "B", N), ("C", "D", case.m), ("V", "V_w", case.m))
+    )
+    placed = all(isinstance(row, int) and 0 <= row < N for row in rows) and len({*rows}) == 2 * n == 2 * len(f["x"])
+    whole = k == n or (case.facts["baseline"] is not None and 1 <= k < n)
+    require(placed and whole, "x and x_m need rows of their own")
+    for j, path in enumerate(case.facts["inputs"]):
+        if path["actuator"] is None and path["multiplicative"] is None:
+            v[j] = [case.gain[j] * one for one in u[j]]
+    x, x_m = (fmpq_mat([[fmpq(int(i == j)) for j in range(N + w)] for i in f[name]]) for name in ("x", "x_m"))
+    pulled = fmpq_mat(v) + fmpq_mat([case.theta[j :: case.m] for j in range(case.m)]) * x
+    on_x = blocks([[zeros(n, N), case.enters, *(column(one) for one, _ in acting)]])
+    on_x_m = blocks([[zeros(n, N), case.b_r, *(zeros(n, 1) for _ in acting)]])
+    rates = [*(case.A_m * x + case.b * pulled + on_x).tolist(), *(case.A_m * x_m + on_x_m).tolist()]
+    for row, rate, first in zip(rows, rates, case.x0.entries() * 2, strict=True):
+        z[row], start[row] = rate, first
+
+    def split(parts: list[list[fmpq]]) -> tuple[fmpq_mat, fmpq_mat]:
+        of_w = [[one * size for one, size in zip(row[N:], sizes, strict=True)] for row in parts]
+        return fmpq_mat([row[:N] for row in parts]), fmpq_mat(of_w)
+
+    e, seen = (x - x_m).tolist()[:k], x.tolist()[:k]
+    return *split(z), column(start), {"error_bound": split(e), "state_bound": split(seen), "control_bound": split(u)}
+
+
+@rule("linear response")
+def _linear_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    """|y_i| <= sum_j ||y_i <- w_j|| + (|h_i(0)| + integral |h_i'|)/2, where h is the free response; u stays within its limits."""
+    c.case.require_linear()
+    c.case.require_no("quantization", "rate_limit")
+    A, B, start, outputs = linear_loop(c)
+    found, witness = dict[str, arb](), line["witness"]
+    for name in outputs.keys() & witness.keys():
+        C, D = outputs[name]
+        each = [sum(row, arb(0)) for row in Norms(A, B, C, D, witness[name]).upper]
+        if any(one != 0 for one in start.entries()):
+            moving = Norms(A, start, C * A, zeros(C.nrows(), 1), witness[f"free {name}"]).upper
+            each = [one + (abs(h) + rest[0]) / 2 for one, h, rest in zip(each, (C * start).entries(), moving, strict=True)]
+        found[name] = largest_of(each)
+    c.case.require_unlimited(found["control_bound"])
+    of_e = "" if c.fact("linear loop")["states"] == c.case.n else "; e and x are its first states, before those of a baseline"
+    c.case.assumed[f"the parts of controller, actuator and sensor in the linear loop are the case's{of_e}"] = None
+    c.proven["linear response"] = found
+
+
 @rule("sampled response")
 def _sampled_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
     """The bounds of the linear loop, while u stays within its limits."""
     case = c.case
-    quiet = case.facts["noise"] is None and not case.facts["unmatched_ranges"]
-    require(case.linear and quiet, "a linear plant without noise is needed")
+    case.require_linear()
     for path in case.facts["inputs"]:
         require(path["quantization"] is None and path["rate_limit"] is None, "the input has a converter or a rate limit")
     case.assumed["the controller's and the actuator's parts of the loop from sample to sample are the case's"] = None
-    acting = [
-        one for one in (case.facts["disturbance"], *(each["signal"] for each in case.facts["unmatched"])) if one is not None
-    ]
-    loop, d = SampledLoop(c), [arb(case.bound_of_signal(one)) for one in acting]
+    loop, d = SampledLoop(c), [arb(case.bound_of_signal(signal)) for _, signal in case.acting()]
     columns = 0 if loop.B is None else loop.B.ncols()
     require(columns == len(d), "B must have a column for each disturbance")
     loop.require_plant(c)
     held, x, u = loop.bounds(case.command_bounds(), d, line["witness"])
-    for path in case.facts["inputs"]:
-        limits = path["saturation"]
-        require(limits is None or bool(u <= arb(min(-number(limits[0]), number(limits[1])))), "u may reach its limits")
+    case.require_unlimited(u)
     c.proven["sampled"] = {"error_bound_held": held, "state_bound": x, "control_bound": u}
 
 
 @rule("error_bound_held", "state_bound")
 def _sampled_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    at_least(value, c.earlier("sampled")[line["key"]], line["key"])
+    at_least(value, c.earlier("sampled" if c.scheme == "sampled" else "linear response")[line["key"]], line["key"])
 
 
 def steepest(signal: dict[str, Any]) -> fmpq:

@@ -22,6 +22,7 @@ from barbalat import (
 from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
 from barbalat.laws import LyapunovLaw
+from barbalat.plants import PlantInput
 from barbalat.regressors import Terms
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
@@ -30,9 +31,9 @@ COARSE, FINE = Simulation(t_end=2.0, dt=0.02), Simulation(t_end=2.0, dt=1e-7)
 BOX = ParameterBox([-3.0, -3.0], [3.0, 3.0])
 
 
-def problem(*, phi=None, A_m=((0.0, 1.0), (-2.0, -2.0)), b=(0.0, 1.0)):
+def problem(*, phi=None, A_m=((0.0, 1.0), (-2.0, -2.0)), b=(0.0, 1.0), path=None):
     regressor = {} if phi is None else {"regressor": Terms(terms=phi)}
-    plant = Plant(A_m=A_m, b=b, theta=[1.5, -1.0], **regressor)
+    plant = Plant(A_m=A_m, b=b, theta=[1.5, -1.0], input=path, **regressor)
     return Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(1.3, 0.9), uncertainty=BOX)
 
 
@@ -76,7 +77,8 @@ def test_norms_alone_need_no_caveat():
     """A linear controller without a bound on e guarantees norms, which no run contradicts. The step of its run nevertheless has a
     limit."""
     controller = LinearFeedback(TransferFunction([50.0], [1.0, 500.0]), output=[1.0, 1.0])
-    entries, cells, notes = guaranteed_and_notes(problem(), controller, COARSE)
+    given = problem(path=PlantInput(delay=0.02))
+    entries, cells, notes = guaranteed_and_notes(given, controller, COARSE)
     assert "norms" in entries and not cells and not notes
-    limit = certify(problem(), controller, COARSE)[controller.name].values["step_max"]
+    limit = certify(given, controller, COARSE)[controller.name].values["step_max"]
     assert limit == pytest.approx(2.7852935634 / 500, rel=0.01)  # RK4's limit on the real axis, for the controller's pole

@@ -69,11 +69,19 @@ def test_several_inputs_and_refusals(problems):
 
 def test_table_1_claims_it_where_the_parameters_are_the_plants(problems):
     problem = problems[2]
-    for theta, kind in ((problem.parameters, "guaranteed"), (problem.parameters + 0.1, "does not apply")):
+    for theta, text, kind in (
+        (problem.parameters, "e is zero", "guaranteed"),
+        (
+            problem.parameters + 0.1,
+            "for every r and d within the case's bounds, with the case's theta and input gain only",
+            "does not apply",
+        ),
+    ):
         controller = KnownParameters(theta=theta)
         found = certify(problem, [controller], Simulation(t_end=20.0, dt=1e-3))
         (column,) = table_1(problem, [controller], found).columns
-        assert column.cells["transient"].kind == kind
+        assert column.cells["tracking"].kind == kind
+        assert column.cells["transient"].kind == "guaranteed" and text in column.cells["transient"].text
 
 
 def test_controllers_without_estimates_assume_the_declared_values_of_the_parameters_and_not_the_middle_of_the_set():

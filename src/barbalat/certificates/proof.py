@@ -17,15 +17,19 @@ from flint import arb, arb_mat, ctx
 
 from barbalat.certificates.assumptions import unmet_by
 from barbalat.certificates.bounds import any_command, known_command
+from barbalat.certificates.bounds.any_command import CLOSENESS
 from barbalat.certificates.bounds.laws import least_gain
 from barbalat.certificates.bounds.model import model_bounds, state_bounds
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import GUARANTEED, Entry, NotApplicable
+from barbalat.certificates.linear_loops.continuous_response import loop_of
+from barbalat.certificates.linear_loops.sampled_response import bounds_of, disturbances
 from barbalat.certificates.linear_loops.sampled_response import grounds as sampled_grounds
 from barbalat.certificates.linear_loops.sampled_response import witness as sampled_witness
 from barbalat.certificates.lyapunov.written import SCHEME as OWN_V
 from barbalat.certificates.lyapunov.written import written
 from barbalat.certificates.schemes import FollowedFile, ProvenFile, scheme_file
+from barbalat.certificates.schemes.bounded_response import OF_CONTINUOUS_LOOPS, is_for_the_case
 from barbalat.controllers import Sampled
 from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.l1_norms import l1_norm
@@ -72,6 +76,7 @@ BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = OF_FIXED_LOOPS | {
     "mrac-direct": dict.fromkeys(OF_V, ("lyapunov", "lambda_min")),
     "mrac-closed-loop": dict.fromkeys(OF_V, ("lyapunov", "lambda_min", "L1 norm of 1-L")),
     "robust-mrac": {},
+    "known-parameters": {"error_bound": ()},
     "network": {"W_hat_bound": (), "V_hat_bound": (), "control_bound": ()},
     "output": dict.fromkeys(("output_bound", "error_bound", "sigma_needed"), ("L1 norm of loop",))
     | {"slope": (), "condition": ("L1 norm of H(1-C)",)},
@@ -87,6 +92,7 @@ BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = OF_FIXED_LOOPS | {
     "sampled": dict.fromkeys(("error_bound_held", "state_bound", "control_bound"), ("sampled response",))
     | {"sampled response": (), "error_bound": ("sampled response", "L1 norm of W_r", "L1 norm of sW_r")},
 }
+LINEAR_RESPONSE, LINEAR_LOOP = "linear response", "linear loop"
 OVER_CELLS = {"l1": "W_b(1-C)", "baseline": "W_b", "linear": "W_b S", "adrc": "T"}
 """Schemes whose bounds over the known set follow from cells of it, with the system G of e = G[(theta - theta_0)'x]."""
 NO_RULE = "no rule covers it"
@@ -136,6 +142,11 @@ def _of_controller(
         if isinstance(own, NotApplicable):
             return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {own.why}" for one in claimed]}
         facts, witnesses = own.facts, own.witnesses
+    elif isinstance(problem, Problem) and any(is_for_the_case(one) for one in claimed):
+        facts = {"scheme": LINEAR_LOOP}
+        if isinstance(file, ProvenFile) and problem.fixed_observer is None:
+            facts = file.grounds(problem, inner, simulation)
+        facts[LINEAR_LOOP] = loop_of(problem, inner).as_facts()
     elif claimed and isinstance(file, ProvenFile):
         facts = file.grounds(problem, inner, simulation)
         if isinstance(controller, Sampled):
@@ -168,8 +179,10 @@ class _Lines:
             return self._add_norms_of_output()
         if key.startswith("L1 norm of "):
             return self._add_norm(key)
-        rests_on = (RESTS_ON | {"lyapunov": ()} | BY_SCHEME.get(self.facts["scheme"], {})).get(key)
+        rests_on = (RESTS_ON | {"lyapunov": (), LINEAR_RESPONSE: ()} | BY_SCHEME.get(self.facts["scheme"], {})).get(key)
         entry = self.claimed.get(key)
+        if LINEAR_LOOP in self.facts and is_for_the_case(entry):
+            rests_on = (LINEAR_RESPONSE,)
         of_samples = "sample_time" in self.facts and entry is not None and not entry.quantity.timeless
         if rests_on is None or of_samples:
             return NO_RULE
@@ -191,6 +204,10 @@ class _Lines:
         of_every = self.claimed.get(known_command.OF_EVERY_COMMAND)
         if key in self.witnesses:
             return {"witness": self.witnesses[key]}
+        if key == LINEAR_RESPONSE:
+            return {"witness": self._of_the_loop()}
+        if key == "error_bound" and LINEAR_LOOP in self.facts and is_for_the_case(self.claimed.get(key)):
+            return {"witness": {"follows_from": LINEAR_RESPONSE}}
         if key == "sampled response":
             return {"witness": sampled_witness(self.problem, self.controller)}
         if key == known_command.KEY and of_every is not None and of_every.value == value and self.facts["scheme"] in OVER_CELLS:
@@ -217,6 +234,18 @@ class _Lines:
                 found["cells"] = whole.tree(partial(any_command.witness, self.problem, replace(loop, A=A, B=B.entries())))
         return found
 
+    def _of_the_loop(self) -> dict[str, Any]:
+        """The witnesses of the norms of a continuous linear loop and of its free response."""
+        found = dict[str, Any]()
+        sizes = {key: entry.value for key, entry in self.claimed.items() if key in OF_CONTINUOUS_LOOPS and is_for_the_case(entry)}
+        for name, (of, parts) in _linear_loop(self.problem, self.facts[LINEAR_LOOP]).items():
+            if of not in sizes:
+                continue
+            found[name] = witness(*parts, sizes[of], closeness=CLOSENESS)
+            if found[name] is None:
+                raise InputError(NO_WITNESS.format(f"{of} in the linear loop"))
+        return found
+
     def _add_norms_of_output(self) -> str:
         """Add the norms of the loop around y, and of condition (20)."""
         value = self.claimed["norms"].value
@@ -228,7 +257,7 @@ class _Lines:
     def _unclaimed(self, key: str) -> Any:
         """An intermediate value that the certificate does not claim."""
         known = self.problem.known
-        if key in ("lyapunov", "sampled response"):
+        if key in ("lyapunov", "sampled response", LINEAR_RESPONSE):
             return True
         if key == "lambda_min":
             return smallest_eigenvalue(np.array(self.facts["P"]))
@@ -315,6 +344,36 @@ def _disturbed(A_m: arb_mat, b: arb_mat, facts: dict[str, Any]) -> tuple[arb_mat
     B = _blocks([[b], [_zeros(k, 1)]])
     whole = _blocks([[A_m + b * theta_0, _zeros(n, k)], inner]) - B * feedback
     return whole, B, _blocks([[identity, _zeros(n, k)]]), nothing
+
+
+def _linear_loop(problem: Problem, facts: dict[str, Any]) -> dict[str, tuple[str, tuple[arb_mat, arb_mat, arb_mat]]]:
+    """A, B and C from all signals at their sizes to e, x and u, and of the derivatives of the free responses; the rows of x and
+    x_m are the plant's."""
+    known, n, plant, k, N = problem.known, problem.known.n, problem.plant, facts["states"], len(facts["A"])
+    sizes = [arb(one) for one in (*bounds_of(problem.commands), *bounds_of(disturbances(problem)))]
+    unit = np.eye(N, N + len(sizes))
+    x, x_m = _balls(unit[facts["x"]]), _balls(unit[facts["x_m"]])
+    z, u, v = (_blocks([[_balls(facts[a]), _balls(facts[b])]]).tolist() for a, b in (("A", "B"), ("C", "D"), ("V", "V_w")))
+    with ctx.workprec(EXACT_BITS):
+        for j, path in enumerate(plant.paths):
+            if path.actuator is None and path.multiplicative is None:
+                v[j] = [arb(path.gain) * one for one in u[j]]
+        A_m, b, k_0 = _balls(known.A_m), _balls(known.b.reshape(n, -1)), _balls(np.reshape(known.k_0, (known.inputs, -1)))
+        enters = _zeros(n, k_0.ncols()) if known.enters is None else _balls(known.enters.reshape(n, -1))
+        acting = [b] if problem.disturbance is not None else []
+        acting += [_balls(np.append(one.direction, np.zeros(n - plant.states))[:, None]) for one in problem.unmatched]
+        of_x = A_m * x + b * (arb_mat(v) + _balls(plant.theta.reshape(n, -1).T) * x) + _blocks([[_zeros(n, N), enters, *acting]])
+        of_x_m = A_m * x_m + _blocks([[_zeros(n, N), b * k_0 + enters, *(_zeros(n, 1) for _ in acting)]])
+        for row, rate in zip((*facts["x"], *facts["x_m"]), (*of_x.tolist(), *of_x_m.tolist()), strict=True):
+            z[row] = rate
+        A, B = arb_mat([row[:N] for row in z]), arb_mat([[a * size for a, size in zip(row[N:], sizes, strict=True)] for row in z])
+        parts = (x - x_m).tolist()[:k], x.tolist()[:k], u
+        outputs = {key: arb_mat([row[:N] for row in part]) for key, part in zip(OF_CONTINUOUS_LOOPS, parts, strict=True)}
+        found = {name: (name, (A, B, C)) for name, C in outputs.items()}
+        if np.any(facts["start"]):
+            start = arb_mat([[arb(one)] for one in facts["start"]])
+            found |= {f"free {name}": (name, (A, start, C * A)) for name, C in outputs.items()}
+        return found
 
 
 def _state_space(facts: dict[str, Any]) -> tuple[arb_mat, arb_mat, arb_mat, arb]:

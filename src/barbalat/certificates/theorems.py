@@ -17,7 +17,7 @@ DISTURBED_SET = "Theorem 1 with disturbances for every theta of the known set, a
 UNPROJECTED = "Theorem 1 with disturbances for estimates without projection, or for a memory that learns from disturbances"
 OUTPUT_DISTURBANCE = "Theorem 1 with a disturbance at the output, which enters the adaptive law too"
 MEASUREMENT = "Theorem 1 with a bounded measurement error, which enters the adaptive law"
-GAUSSIAN = "no theorem: Gaussian noise has no bound"
+GAUSSIAN = "no theorem: a bound on e needs a bound on the noise"
 BOUNDED_COMMAND = "no theorem: a bound on e needs a bound on r"
 SAMPLED = "a sampled-data version of Theorem 1, in which V also accounts for the plant's motion between samples"
 THETA_OUTSIDE = "Theorem 1 for a theta outside the set of the projection, where projection may make V grow"
@@ -35,10 +35,9 @@ NETWORK = "a bound on the network's approximation error of theta'phi(x) on an in
 LINEAR_SMALL_GAIN = "a robust bound for the linear loop under a weaker condition than small gain over the known set"
 SAMPLED_BASELINE = "the impulse sums of the sampled loop, including the states of the baseline"
 OBSERVER = "Theorem 1 with an observer's error in the adaptive law, and a bound on that error while theta is unknown"
-CONTINUOUS_OBSERVER = "the impulse sums of a sampled linear loop, for a continuous controller with an observer"
 LINEAR_UNSTABLE = "no theorem: the linear loop is unstable"
 LINEAR_DELAY = "the L1 norms of a continuous linear loop with a delay at its input"
-LINEAR_ADDITIONS = "the L1 norms of the continuous linear loop with its actuator, its sensor and its disturbances"
+LINEAR_ADDITIONS = "a small-gain condition over the known set for the linear loop with its actuator, sensor and disturbances"
 LINEAR_LIMITS = "an invariant set of the linear loop in which its input stays within its limits"
 LINEAR_FAMILY = (
     "a small-gain condition for the linear loop over unmodelled dynamics, unmatched parameters or an interval of input gains"
@@ -48,6 +47,7 @@ LINEAR_THETA = "no theorem: a small-gain condition over the known set covers no 
 LINEAR_BEYOND = "a small-gain condition for the linear controller's loop with several inputs or with phi(x) instead of x"
 SLOPE = "a bound with f(t, y) that is less conservative than the small-gain bound with the slope of f"
 OUTPUT_LOOP = "a bound for the linear loop with limits, a delay, noise or unbounded signals"
+OTHER_PARAMETERS = "a small-gain condition for a loop with parameters other than the plant's and phi(x) instead of x"
 UNKNOWN_LAW = "a Lyapunov function of this law; the package has none"
 REFUSED_V = "another V of this law, for which V' <= -W can be shown"
 
@@ -67,7 +67,6 @@ def of_linear_loop(theorem: str) -> str:
         UNMATCHED_RESTS: LINEAR_FAMILY,
         SAMPLED: LINEAR_SAMPLED,
         THETA_OUTSIDE: LINEAR_THETA,
-        OBSERVER: CONTINUOUS_OBSERVER,
     }
     return joined(linear.get(one, one) for one in theorem.split(SEPARATOR))
 

@@ -53,6 +53,22 @@ def sampled_jacobian_function(loop: ClosedLoop, *, frozen: bool = False) -> ca.F
     return _jacobian(*_sample(loop, frozen))
 
 
+def linear_maps(loop: ClosedLoop, kept: Array, start: Array) -> Array | None:
+    """The constant Jacobian of the rates of the ``kept`` states, of u and of what reaches the plant, with respect to these states
+    and the signals; the other states are those of ``start``. None if the Jacobian is not constant."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    rates, reaches = loop.derivative(state, signals), loop.undelayed_input(state, signals)
+    _, u = loop.derivative_given_input(state, signals, reaches)
+    moving = ca.vertcat(*(state_column[int(i)] for i in kept), signal_column)
+    slopes = ca.jacobian(ca.vertcat(column(rates)[kept.tolist()], column(u), column(reaches)), moving)
+    if ca.depends_on(slopes, moving):
+        return None
+    return np.array(ca.Function("slopes", [state_column], [slopes])(start))
+
+
 def right_hand_side(loop: ClosedLoop) -> ca.Function:
     """The loop's derivative as a CasADi function of (state, signals), in the form in which the equations are written."""
     import casadi as ca

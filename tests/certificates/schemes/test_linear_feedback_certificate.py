@@ -52,7 +52,8 @@ def test_keys_and_what_is_guaranteed():
     pytest.importorskip("slycot")
     given = variant()
     found = certify(given, (hinf_feedback(given.known, unmodelled_delay=0.01),), SIMULATION)["H-infinity"]
-    assert found.guaranteed == {"norms", "condition", "error_bound", "error_bound_worst", "error_bound_command"}
+    of_the_set = {"norms", "condition", "error_bound", "error_bound_worst", "error_bound_command"}
+    assert found.guaranteed == {*of_the_set, "state_bound", "control_bound"}
     v = found.values
     assert v["condition"]["holds"] and v["condition"]["of"] == "W_b S"
     assert v["delay_margin"] > 0.01

@@ -34,7 +34,8 @@ PI = 'scheme = "linear"\ncontroller = { num = [1.0, 1.0], den = [1.0, 0.0] }\n'
     ("controller", "bounded", "said"),
     [
         (PI + "sample_time = 0.01\n", True, "nothing is proven beyond the bounds on x and e"),
-        (PI, False, "only for controllers with a sample_time"),
+        (PI, True, "nothing is proven beyond the bounds on x and e"),
+        ('scheme = "known-parameters"\ntheta = [1.0, 2.0]\n', True, "nothing is proven beyond the bounds on x and e"),
         ('scheme = "mrac"\ngamma = 10.0\nsample_time = 0.01\n', False, "no theorem covers adaptation with an observer"),
     ],
 )

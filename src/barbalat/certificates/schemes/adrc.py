@@ -17,6 +17,7 @@ from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import with_dynamics
+from barbalat.certificates.schemes import bounded_response
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.unregistered import WHOLE_LOOP, add_linearised
@@ -64,14 +65,15 @@ def loop_of(problem: Problem, controller: Adrc) -> FixedLoop | None:
 
 def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> Certificate:
     """The bound on the error in the form of Theorem 1, exact margins and peaks for the true plant, and mu of the family."""
-    loop, draft = loop_of(problem, controller), Draft()
+    loop, draft = loop_of(problem, controller), Draft(own=bounded_response.OF_RESPONSES)
     if loop is None:
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         why = "a bound is known only for one input with phi(x) = x"
         draft.missing("error_bound", why, *of_linear_loop(*nominal(problem)), theorem=theorems.LINEAR_BEYOND)
+        bounded_response.add_continuous(draft, problem, controller)
         add_linearised(draft, problem, controller, simulation)
         return draft.finish()
-    add_loop(draft, problem, loop, simulation.t_end)
+    add_loop(draft, problem, loop, controller, simulation.t_end)
     modes = np.linalg.eigvals(sensitivity(with_dynamics(problem, loop.at(problem.plant.theta))).A)
     draft.estimate({"step_max": largest_step(simulation, modes)}, STEP, of=WHOLE_LOOP)
     return draft.finish()

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT
 from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
-from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
+from barbalat.certificates.schemes import bounded_response
+from barbalat.certificates.schemes.fixed_loop import ONE_LINEAR_INPUT, FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.unregistered import add_linearised, add_step_of_modes
 from barbalat.controllers import BaselineAlone
@@ -37,12 +39,14 @@ def loop_of(problem: Problem, controller: BaselineAlone) -> FixedLoop | None:
 
 def certificate(problem: Problem, controller: BaselineAlone, simulation: Simulation) -> Certificate:
     """The bound on the error in the form of Theorem 1, margins and peaks for the true plant, and mu of the family."""
-    draft, loop = Draft(), loop_of(problem, controller)
+    draft, loop = Draft(own=bounded_response.OF_RESPONSES), loop_of(problem, controller)
     if loop is None:
         draft.note(BEYOND_ONE_LINEAR_INPUT)
+        draft.missing("error_bound", ONE_LINEAR_INPUT, theorem=theorems.LINEAR_BEYOND)
+        bounded_response.add_continuous(draft, problem, controller)
         add_linearised(draft, problem, controller, simulation)
     else:
-        add_loop(draft, problem, loop, simulation.t_end)
+        add_loop(draft, problem, loop, controller, simulation.t_end)
         add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
 

@@ -1,7 +1,8 @@
-"""The bound on e for a sampled linear controller on the actual plant with delay, actuator, sensor lag and disturbances.
+"""The bound on e for a linear controller on the actual plant with actuator, sensor lag and disturbances and, if it is sampled, a
+delay.
 
-``linear_loops/sampled_response`` has the theorem. The linear loop has no input limits; the bound on |u| shows whether limits are
-ever reached.
+``linear_loops/sampled_response`` and ``linear_loops/continuous_response`` have the theorems. The linear loop has no input limits;
+the bound on |u| shows whether limits are ever reached.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from barbalat.certificates.assumptions import THE_CASE_S, bounded_command
 from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry, NotApplicable
+from barbalat.certificates.linear_loops import continuous_response
 from barbalat.certificates.linear_loops.margin_values import in_the_loop
 from barbalat.certificates.linear_loops.sampled_response import (
-    Response,
     bounds_of,
     disturbances,
     missed,
@@ -23,7 +24,7 @@ from barbalat.certificates.linear_loops.sampled_response import (
     response,
 )
 from barbalat.certificates.quantities import Quantity
-from barbalat.certificates.requested_keys import is_needed
+from barbalat.certificates.requested_keys import is_left_out, is_needed
 from barbalat.certificates.rows import up
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.sampled_norms import UNSTABLE
@@ -33,6 +34,7 @@ from barbalat.protocols import BoundedSignal, Controller
 from barbalat.validate import InputError
 
 KEYS = ("error_bound", "error_bound_held", "state_bound", "control_bound")
+OF_CONTINUOUS_LOOPS = ("error_bound", "state_bound", "control_bound")
 OF_NOISE = ("error_noise_rms", "control_noise_rms")
 OF_RESPONSES = {
     "error_bound_held": Quantity(
@@ -67,9 +69,8 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
         theorem = theorems.LINEAR_UNSTABLE if str(error) == UNSTABLE else theorems.OUTPUT_LOOP
         draft.all_missing(KEYS, str(error), theorem=theorem)
         return
-    if problem.input_gain is not None:
-        draft.note("bounds on e, x and u hold for the case's input gain, not for all of uncertainty.input_gain")
-    linear, quiet = _linear(problem, found), _quiet(problem)
+    _note_gain(draft, problem)
+    linear, quiet = _linear(problem, found.u), _quiet(problem)
     draft.guarantee("error_bound_held", found.held, *linear, quiet)
     draft.guarantee("state_bound", found.x, *linear, quiet)
     draft.guarantee("control_bound", found.u, *linear, quiet)
@@ -80,6 +81,42 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
         draft.guarantee("error_bound", (found.held + beside) * OUTWARD_FACTOR, *linear, quiet, UP_TO_THE_END)
     if problem.noise is not None:
         _add_noise(draft, problem, controller, linear, None if isinstance(beside, NotApplicable) else found.held + beside)
+
+
+def add_continuous(draft: Draft, problem: TrackingProblem, controller: Controller) -> None:
+    """Add the same bounds for a continuous controller; a bound on e that applies, for the whole known set, is kept."""
+    if not isinstance(problem, Problem) or is_left_out("state_bound") or not is_needed(*OF_CONTINUOUS_LOOPS):
+        return
+    known = draft.entries.get("error_bound")
+    keys = [key for key in OF_CONTINUOUS_LOOPS if key != "error_bound" or known is None or not known.applies]
+    if not problem.plant.is_linear or not is_needed(*keys):
+        return
+    if problem.delay:
+        why = f"the input has a delay of {problem.delay:g} s, with which only controllers with a sample_time have a bound"
+        draft.all_missing(keys, why, theorem=theorems.LINEAR_DELAY)
+        return
+    try:
+        found = continuous_response.response(problem, controller, bounds_of(problem.commands), bounds_of(disturbances(problem)))
+    except InputError as error:
+        unstable = str(error) == continuous_response.UNSTABLE
+        draft.all_missing(keys, str(error), theorem=theorems.LINEAR_UNSTABLE if unstable else theorems.OUTPUT_LOOP)
+        return
+    if "error_bound" in keys:
+        _note_gain(draft, problem)
+    rests_on = *_linear(problem, found.u), _quiet(problem)
+    for key, value in zip(OF_CONTINUOUS_LOOPS, found, strict=True):
+        if key in keys:
+            draft.guarantee(key, value, *rests_on)
+
+
+def _note_gain(draft: Draft, problem: Problem) -> None:
+    if problem.input_gain is not None:
+        draft.note("bounds on e, x and u hold for the case's input gain, not for all of uncertainty.input_gain")
+
+
+def is_for_the_case(entry: Entry | None) -> bool:
+    """Whether a bound holds for the case's theta alone, and not for the whole known set."""
+    return entry is not None and THE_CASE_S in entry.rests_on
 
 
 def _add_noise(
@@ -121,7 +158,7 @@ def _missed(problem: Problem, controller: Controller, t_end: float) -> float | N
     return total
 
 
-def _linear(problem: Problem, found: Response) -> tuple[Assumption, ...]:
+def _linear(problem: Problem, u: float) -> tuple[Assumption, ...]:
     """The assumptions of the bounds for the linear loop, apart from the noise."""
     paths = problem.plant.paths
     unknown = "" if problem.derived is None else problem.derived.unmatched
@@ -133,14 +170,14 @@ def _linear(problem: Problem, found: Response) -> tuple[Assumption, ...]:
     acting = [problem.disturbance, *(one.signal for one in problem.unmatched)]
     unbounded = any(one is not None and not isinstance(one, BoundedSignal) for one in acting)
     limits = [tuple(map(float, path.saturation)) for path in paths if path.saturation is not None]
-    beyond = any(found.u > min(-low, high) for low, high in limits)
-    reached = f"u may reach {found.u:.4g}, beyond its limits" if beyond else ""
+    beyond = any(u > min(-low, high) for low, high in limits)
+    reached = f"u may reach {u:.4g}, beyond its limits" if beyond else ""
     return (
         Assumption("the plant is linear, including its delay and its input dynamics", unknown, theorems.UNMATCHED_RESTS),
         Assumption(
             "the plant has no input dynamics other than a delay, an actuator and limits", _listed(on_the_way), theorems.LIMITS
         ),
-        Assumption("u stays within its limits", reached, theorems.LIMITS),
+        Assumption("u stays within its limits", reached, theorems.LINEAR_LIMITS),
         Assumption(
             "the measurement is not quantised",
             "a quantised measurement" if problem.sensor is not None and problem.sensor.quantization is not None else "",
@@ -153,7 +190,7 @@ def _linear(problem: Problem, found: Response) -> tuple[Assumption, ...]:
 
 
 def _quiet(problem: Problem) -> Assumption:
-    noisy = "" if problem.noise is None else "Gaussian measurement noise"
+    noisy = "" if problem.noise is None else "Gaussian measurement noise has no bound"
     return Assumption("the measurement has no noise", noisy, theorems.GAUSSIAN)
 
 

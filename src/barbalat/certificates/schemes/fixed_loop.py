@@ -30,13 +30,16 @@ from barbalat.certificates.linear_loops.over_known_set import robustness
 from barbalat.certificates.linear_loops.over_ranges import MARGINS_KEY
 from barbalat.certificates.requested_keys import is_left_out, is_needed
 from barbalat.certificates.rows import up
+from barbalat.certificates.schemes import bounded_response
 from barbalat.certificates.schemes.output_feedback import NEGLIGIBLE_STEADY_ERROR
 from barbalat.linear.enclosure import Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import StateSpace, TransferFunction, sensitivity
 from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError
 
+NOT_OVER_THE_SET = "no bound is known for the whole known set"
 ONE_LINEAR_INPUT = "a bound is known only for one input with phi(x) = x"
 
 
@@ -99,16 +102,19 @@ class FixedLoop:
         return of_linear_loop(*plant, *self.own, theta_in_the_set(problem))
 
 
-def add_loop(draft: Draft, problem: Problem, loop: FixedLoop, t_end: float) -> None:
-    """Add the bound on the error in the form of Theorem 1, margins and peaks for the true plant, and mu of the family."""
+def add_loop(draft: Draft, problem: Problem, loop: FixedLoop, controller: Controller, t_end: float) -> None:
+    """Add the bound on the error in the form of Theorem 1 or, where that does not apply, for the case's loop; margins and peaks
+    for the true plant; mu of the family."""
     known_set = problem.uncertainty
-    if problem.input_gain is not None and loop.gain is not None and not is_left_out(MARGINS_KEY):
+    if known_set is not None:
+        _add_bound(draft, problem, loop, known_set.farthest_1(loop.theta_0), t_end)
+    bounded_response.add_continuous(draft, problem, controller)
+    assumed = problem.input_gain is not None and loop.gain is not None and not is_left_out(MARGINS_KEY)
+    if assumed and not bounded_response.is_for_the_case(draft.entries.get("error_bound")):
         draft.note(
             f"bounds on e hold for the input gain {loop.gain:g} that the controller assumes, not for all of "
             "uncertainty.input_gain; margins over the known set hold for this whole interval"
         )
-    if known_set is not None:
-        _add_bound(draft, problem, loop, known_set.farthest_1(loop.theta_0), t_end)
     add_margins(draft, problem, loop.at(problem.plant.theta), "with the true parameters")
     over_known_set.add_fixed(draft, problem, lambda plant: loop.at(plant.theta))
     centre = problem.plant.theta if known_set is None else known_set.middle
@@ -139,6 +145,7 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float, t_end:
 def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) -> dict[str, Entry]:
     """Return the cells of Table 1; the loop is unknown for a plant with several inputs or a different regressor."""
     values, bound = certificate.values, certificate.entry("error_bound")
+    case_s = bounded_response.is_for_the_case(bound)
     condition, mu = values.get("condition"), values.get("mu_parameters")
     norm = "" if loop is None else loop.norm
     small_gain = "" if condition is None else f"||{norm}||_1 times the set's radius <= {up(condition['value_upper'])}"
@@ -147,16 +154,17 @@ def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) ->
         if mu is None
         else (f"mu over the known set = {mu:.4g}; below 1, every constant theta in the set is stable")
     )
-    if bound is None or bound.value is None or loop is None:
+    rests_on = () if loop is None else loop.rests_on(problem)
+    if loop is None or condition is None or not condition["holds"]:
         nothing_to_cover = ONE_LINEAR_INPUT if loop is None else "there is no known set to cover"
-        why = small_gain or (nothing_to_cover if bound is None else bound.why)
-        rests_on = () if loop is None else loop.rests_on(problem)
+        why = small_gain or (nothing_to_cover if bound is None or problem.uncertainty is None else bound.why or NOT_OVER_THE_SET)
         stability, transient = nothing("stability", why, *rests_on), nothing("transient", "no bound: " + why, *rests_on)
     else:
-        stability = statement("stability", small_gain, *loop.rests_on(problem))
-        transient = statement(
-            "transient", f"|e| <= {up(bound.value)} at all times{known_command.told(certificate)}", *loop.rests_on(problem)
-        )
+        stability = statement("stability", small_gain, *rests_on)
+        transient = nothing("transient", "no bound: " + ("" if bound is None else bound.why), *rests_on)
+        if bound is not None and bound.value is not None and not case_s:
+            text = f"|e| <= {up(bound.value)} at all times{known_command.told(certificate)}"
+            transient = statement("transient", text, *rests_on)
     return {
         "stability": stability,
         "tracking": _tracking(problem, loop, stability),
@@ -165,7 +173,7 @@ def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) ->
         "modelling_error": estimate("modelling_error", robustly),
         "tuning": advice("tuning", "no adaptive gain"),
         "margins": margins_cell(certificate),
-    }
+    } | (bounded_response.cells(certificate) if case_s else {})
 
 
 def _tracking(problem: Problem, loop: FixedLoop | None, stability: Entry) -> Entry:

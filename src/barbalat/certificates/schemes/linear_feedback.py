@@ -13,6 +13,7 @@ from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.grounds import of_system
+from barbalat.certificates.schemes import bounded_response
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.unregistered import add_step_of_modes
@@ -48,8 +49,8 @@ def loop_of(problem: Problem, controller: LinearFeedback) -> FixedLoop:
 
 def certificate(problem: Problem, controller: LinearFeedback, simulation: Simulation) -> Certificate:
     """The bound on the error in the form of Theorem 1, margins and peaks for the true plant, and mu of the family."""
-    loop, draft = loop_of(problem, controller), Draft()
-    add_loop(draft, problem, loop, simulation.t_end)
+    loop, draft = loop_of(problem, controller), Draft(own=bounded_response.OF_RESPONSES)
+    add_loop(draft, problem, loop, controller, simulation.t_end)
     add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
 

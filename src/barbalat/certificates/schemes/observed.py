@@ -16,7 +16,7 @@ from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.schemes import bounded_response, sampled_margins
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop, linear_because
 from barbalat.certificates.schemes.unregistered import add_linearised
-from barbalat.controllers import Sampled
+from barbalat.controllers import KnownParameters, Sampled
 from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
@@ -24,19 +24,17 @@ from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 
 NO_THEOREM = "no theorem covers adaptation with an observer"
-NO_BOUND = "with an observer a bound is computed only for controllers with a sample_time"
-NOT_LINEAR = "with an observer a bound is computed only for linear sampled controllers"
-NO_MORE = "with an observer nothing is proven beyond the bounds on x and e of the sampled-data loop"
+NOT_LINEAR = "with an observer a bound is computed only for linear controllers"
+NO_MORE = "with an observer nothing is proven beyond the bounds on x and e of the linear loop"
 
 
 def certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
     """Margins of the loop including the observer, and the largest step for its modes."""
     draft, linear = Draft(own=OF_SAMPLED_LOOPS | bounded_response.OF_RESPONSES), _linear_when(problem, controller)
-    if linear is None:
+    if not _has_linear_loop(problem, controller):
         why = _why(problem, controller)
-        theorem = theorems.CONTINUOUS_OBSERVER if why == NO_BOUND else theorems.OBSERVER
         draft.note(f"{why}: margins are those of linear loops that include the observer, and no error is bounded")
-        draft.missing("error_bound", why, theorem=theorem)
+        draft.missing("error_bound", why, theorem=theorems.OBSERVER)
     loop = ClosedLoop.of(problem, controller)
     if problem.delay and not loop.sampled and loop.observer is not None and loop.observer.B.any():
         draft.note(
@@ -52,16 +50,26 @@ def certificate(problem: Problem, controller: Controller, simulation: Simulation
         draft.note(f"the controller runs sampled every {controller.sample_time:g} s ({controller.discretization})")
         sampled_margins.add(draft, problem, controller, simulation.t_end)
     else:
+        if _has_linear_loop(problem, controller):
+            bounded_response.add_continuous(draft, problem, controller)
         add_linearised(draft, problem, controller, simulation)
     return draft.finish()
 
 
 def _why(problem: Problem, controller: Controller) -> str:
-    if ClosedLoop.of(problem, controller).parameters:
-        return NO_THEOREM
-    if _linear_when(problem, controller) is not None:
+    if _has_linear_loop(problem, controller):
         return NO_MORE
-    return NOT_LINEAR if ClosedLoop.of(problem, controller).sampled else NO_BOUND
+    return NO_THEOREM if ClosedLoop.of(problem, controller).parameters else NOT_LINEAR
+
+
+def _has_linear_loop(problem: Problem, controller: Controller) -> bool:
+    """Whether the loop is linear, sampled or not."""
+    known = isinstance(_inner(controller), KnownParameters) and problem.plant.is_linear
+    return known or linear_because(problem, controller) is not None
+
+
+def _inner(controller: Controller) -> Controller:
+    return controller.controller if isinstance(controller, Sampled) else controller
 
 
 def _linear_when(problem: Problem, controller: Controller) -> str | None:
@@ -71,11 +79,11 @@ def _linear_when(problem: Problem, controller: Controller) -> str | None:
 
 def column(problem: Problem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The class's name, and cells that state only computed values."""
-    inner, bound = controller.controller if isinstance(controller, Sampled) else controller, certificate.entry("error_bound")
+    bound = certificate.entry("error_bound")
     why = _why(problem, controller) if bound is None or bound.applies else bound.why
     cells = {key: nothing(key, why) for key in ("stability", "tracking", "transient", "estimates", "modelling_error")}
     if not ClosedLoop.of(problem, controller).parameters:
         cells["estimates"] = advice("estimates", "it estimates nothing")
     cells |= {"tuning": estimate("tuning", limits_text(certificate)), "margins": margins_cell(certificate)}
     cells |= bounded_response.cells(certificate)
-    return f"{type(inner).__name__} with an observer", cells
+    return f"{type(_inner(controller)).__name__} with an observer", cells

@@ -51,9 +51,10 @@ OF_THE_CONTINUOUS_LOOP = frozenset(
         *over_known_set.MU_KEYS,
         MARGINS_KEY,
         "delay_margin_adapting",
+        "state_bound",
     }
 )
-"""Keys of the closed loop's margins."""
+"""Keys of the closed loop, which a sampled loop has of its own."""
 LIMIT_KEYS = {"gamma_max", "step_max"}
 
 
