@@ -71,7 +71,7 @@ def test_the_trade_off_is_that_of_fine_steps() -> None:
     (check,) = ours.checks
     assert check.tunings
     assert (check.as_json()["dt"], check.as_json()["tolerance"]) == (None, 1e-6 / 32)
-    assert "repeated at a tolerance of 3.125e-08" in check.sentence
+    assert " at a tolerance of 3.125e-08 changes " in check.sentence
 
 
 def test_what_stands_for_a_step() -> None:
