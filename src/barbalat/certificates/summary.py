@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from barbalat.certificates.assumptions import THE_CASE_S
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import MOST_SHOWN, OF_THE_DESIGN, Entry, speaks_of_the_motion
+from barbalat.certificates.entry import GUARANTEED, MOST_SHOWN, OF_THE_DESIGN, Entry, speaks_of_the_motion
 from barbalat.certificates.linear_loops.margin_values import UNSTABLE_WITH_LAW
 from barbalat.certificates.rows import said_of, up
 from barbalat.certificates.theorems import DISTURBED_SET
@@ -70,18 +70,14 @@ def _bound(certificate: Certificate) -> Line:
     if bound is None or not bound.applies or bound.value is None:
         theorem = "" if bound is None or not bound.theorem else f". What is missing: {bound.theorem}"
         why = "not known for this scheme" if bound is None else bound.why
-        return Line("bound of e", f"none: {why}{theorem}", "does not apply")
+        return Line("bound of e", f"none: {why}{theorem}{_root_mean_square(certificate)}", "does not apply")
     over_set = worst.value if worst is not None and worst.applies else None
     of_set = worst is not None and over_set is not None and worst.kind == bound.kind and over_set <= bound.value
     text = f"{held(bound.kind)}: {up(min(bound.value, over_set) if of_set else bound.value)}{_of_unit(bound.unit)}"
     if of_set:  # a bound for any theta is one for the case's too
         text += " for any theta of the known set"
-    if THE_CASE_S in bound.rests_on:
-        loops = certificate.values.get("margins_over_known_set") or ()
-        over = dict.fromkeys(one.get("over", "the known set") for one in loops if "unstable_at" in one)
-        unstable = f"; the loop is unstable for part of {' and of '.join(over)}" if over else ""
-        text += f", for the case's theta and input gain only{unstable}"
-    elif worst is not None and worst.theorem == DISTURBED_SET:
+    text += _of_the_case(bound, certificate)
+    if worst is not None and worst.theorem == DISTURBED_SET:
         text += ", for the case's theta only"
     if worst is not None and over_set is not None and not of_set:
         kind = "" if worst.kind == bound.kind else f"{held(worst.kind)}: "
@@ -91,6 +87,26 @@ def _bound(certificate: Certificate) -> Line:
         kind = "" if command.kind == bound.kind else f"{held(command.kind)}: "
         text += f"; {kind}{up(command.value)} under the case's command, for any theta of the known set"
     return Line("bound of e", text, bound.kind)
+
+
+def _of_the_case(bound: Entry, certificate: Certificate) -> str:
+    """The restriction of a bound to the plant of the case, and whether other plants make the loop unstable."""
+    if THE_CASE_S not in bound.rests_on:
+        return ""
+    loops = certificate.values.get("margins_over_known_set") or ()
+    over = dict.fromkeys(one.get("over", "the known set") for one in loops if "unstable_at" in one)
+    unstable = f"; the loop is unstable for part of {' and of '.join(over)}" if over else ""
+    return f", for the case's theta and input gain only{unstable}"
+
+
+def _root_mean_square(certificate: Certificate) -> str:
+    """The bound that remains under Gaussian noise."""
+    found = certificate.entry("error_rms_bound")
+    if found is None or found.kind not in GUARANTEED:
+        return ""
+    over = "of every component, over all realisations of the noise"
+    said = f"{up(found.value)}{_of_unit(found.unit)}{_of_the_case(found, certificate)}"
+    return f". The root mean square {over}, is {held(found.kind)}: {said}"
 
 
 def _of_unit(unit: str) -> str:

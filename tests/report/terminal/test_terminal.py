@@ -228,7 +228,7 @@ def test_the_five_lines_say_what_the_entries_say(name):
             assert ("not enough" in condition.text) == (entry.value["holds"] and not applies)
         else:
             assert condition.kind == column.cells["stability"].kind
-        assert ("guaranteed" in bound.text) == ("error_bound" in found.guaranteed)
+        assert ("guaranteed" in bound.text) == bool(found.guaranteed & {"error_bound", "error_rms_bound"})
         if "error_bound" in found.guaranteed:
             printed = float(re.search(r"guaranteed.(\S+)", bound.text.replace(HELD_BLANK, " ").replace(": ", " "))[1].rstrip(";"))
             smaller = min(found.values["error_bound"], found.values.get("error_bound_worst", math.inf))

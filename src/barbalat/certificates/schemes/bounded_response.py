@@ -190,7 +190,7 @@ def _linear(problem: Problem, u: float) -> tuple[Assumption, ...]:
 
 
 def _quiet(problem: Problem) -> Assumption:
-    noisy = "" if problem.noise is None else "Gaussian measurement noise has no bound"
+    noisy = "" if problem.noise is None else "Gaussian measurement noise"
     return Assumption("the measurement has no noise", noisy, theorems.GAUSSIAN)
 
 
