@@ -1500,7 +1500,7 @@ class SampledLoop:
 
     def sizes(self, rows: arb_mat, r: list[arb], d: list[arb], witness: dict[str, Any]) -> list[arb]:
         """The bound on every row of z by the theorem."""
-        peaks, sums = [self.tall(self.free), self.tall(self.first)], [self.tall(self.N)]
+        peaks, sums = [self.tall(self.free), self.tall(self.first - self.N)], [self.tall(self.N)]
         of_peaks, of_sums = [arb(1), *r], list(r)
         if d:
             assert self.B is not None

@@ -6,7 +6,8 @@ sample. With z the state of the loop just after a sample, including the held com
 
     z[k+1] = M z[k] + N r[k+1] + J integral_0^T e^(A (T - s)) B d(t_k + s) ds.
 
-The largest effect of r on a row C z is the sum of |C M^i N|, for every sequence within its size. For d, only its bound is used.
+The largest effect of r on a row C z is the sum of |C M^i N|, for every sequence within its size, plus the largest |C M^i (z_1 -
+N)| if the first command has the effect z_1 instead of N. For d, only its bound is used.
 Over a part of the sample of length T/P, e^(A s) B differs from its value at the start of the part by at most e^(|A| T) (e^(|A|
 T/P) - I) |B|.
 
@@ -111,7 +112,7 @@ def _response(
 
     def largest(C: Array) -> Array:
         norms, free = SampledNorms(M, C, proven), _padded(whole.free[:, None], M)
-        of_r = norms.summed(_padded(whole.N, M)) + norms.largest(_padded(whole.first, M))
+        of_r = norms.summed(_padded(whole.N, M)) + norms.largest(_padded(whole.first - whole.N, M))
         found = of_r @ r + norms.largest(free)[:, 0]
         if len(d):
             found = found + norms.summed(_padded(loop.J @ reached, M)) @ (weights @ d)
@@ -346,7 +347,7 @@ def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
     whole = _whole(problem, controller)
     M, counts = whole.loop.closed(problem.delay), list[int]()
     reached = whole.loop.J @ _trapezoids(whole.loop.A, whole.B, whole.loop.T)[0]
-    starts = [whole.free[:, None], whole.first, whole.N, *([reached] if reached.size else [])]
+    starts = [whole.free[:, None], whole.first - whole.N, whole.N, *([reached] if reached.size else [])]
 
     def followed(C: Array) -> Array:
         counts.extend(SampledNorms(M, C).samples(_padded(one, M)) for one in starts)
