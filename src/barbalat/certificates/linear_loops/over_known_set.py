@@ -118,11 +118,13 @@ def _is_searched(problem: Problem) -> bool:
     return problem.uncertainty is not None and is_needed(MARGINS_KEY) and not (derived is not None and derived.used)
 
 
-def add_at_rest(draft: Draft, problem: Problem) -> None:
+def add_at_rest(draft: Draft, problem: Problem, *, gain_estimated: bool = False) -> None:
     """Add the margins, over the known set, of the loop to which every scheme with C = 1 reduces; add nothing without a known
-    set."""
+    set. A true estimate of the input gain divides u, so that the loop is the same for every gain."""
     known_set = problem.uncertainty
     if known_set is not None and _is_searched(problem):
+        if gain_estimated:
+            problem = problem.with_inputs(lambda path: replace(path, gain=1.0))
         with draft.part(MARGINS_KEY):
             _add(draft, problem, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set, problem.sensor_lag))])
 
@@ -163,13 +165,16 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
     )
 
 
-def add_sampled_at(draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str) -> None:
-    """Add these margins for a loop that is given for each theta; ``which`` names the loop."""
+def add_sampled_at(
+    draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str, *, gain_estimated: bool = False
+) -> None:
+    """Add these margins for a loop that is given for each theta; ``which`` names the loop. The input gain is varied too, unless
+    its estimate, which is then the true one, divides u: the loop is the same for every gain."""
     known_set, plant = problem.uncertainty, problem.plant
     if known_set is None or not _is_searched(problem):
         return
     gains = None
-    if problem.input_gain is not None:
+    if problem.input_gain is not None and not gain_estimated:
         low, high = np.ravel(problem.input_gain).tolist()
         gains = (low, high)
     with draft.part(MARGINS_KEY):

@@ -81,8 +81,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
     _add_limits(draft, problem, controller, simulation, bound)
     if problem.plant.is_linear:
         add_margins(draft, problem, known_parameters(problem.plant, theta / omega), AT_REST)
-        if omega == 1:
-            over_known_set.add_at_rest(draft, problem)
+        over_known_set.add_at_rest(draft, problem, gain_estimated=True)
         add_adapting(draft, problem, controller)
     return draft.finish()
 

@@ -194,6 +194,8 @@ def of_lyapunov_law_beyond(
     draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void or disturbed.is_disturbed(problem) else ()))
     draft.estimate(any_regressor.of_lyapunov_law_at_model(excited, simulation, filter_poles), FROZEN_LAW)
     add_at_rest(draft, problem, cast("Controller", controller), none=PLAIN_LAW_ONLY if laws.is_modified(controller) else "")
+    if problem.plant.is_linear and problem.plant.inputs == 1 and filter_poles is None:
+        over_known_set.add_at_rest(draft, problem, gain_estimated=problem.input_gain is not None)
     return draft.finish()
 
 
