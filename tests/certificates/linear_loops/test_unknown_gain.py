@@ -73,7 +73,10 @@ def test_bounds_over_the_set_assume_the_gain_that_the_controller_takes(controlle
     assert certificate.entry("error_bound").applies and any("all of uncertainty.input_gain" in note for note in certificate.notes)
     off = replace(plain, plant=replace(plain.plant, input=PlantInput(gain=1.5)))
     other = certify(off, [controller], SIMULATION)[controller.name]
-    assert other.entry("error_bound").applies and "theta and the input's gain are the case's" in other.entry("error_bound").assumptions
+    assert (
+        other.entry("error_bound").applies
+        and "theta and the input's gain are the case's" in other.entry("error_bound").assumptions
+    )
     assert any("for the case's input gain, not for all of" in note for note in other.notes)
 
 
