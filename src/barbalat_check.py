@@ -332,6 +332,8 @@ class Case:
     def require_linear(self) -> None:
         quiet = self.facts["noise"] is None and not self.facts["unmatched_ranges"]
         require(self.linear and quiet, "a linear plant without noise is needed")
+        sensor = self.facts["sensor"]
+        require(sensor is None or sensor["quantized"] is False, "the measurement must not be quantised")
 
     def require_unlimited(self, u: arb) -> None:
         """Require that a bound on |u| is within the inputs' limits."""

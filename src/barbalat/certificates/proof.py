@@ -416,7 +416,7 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
         "disturbance": None if problem.disturbance is None else _command(problem.disturbance),
         "unmatched": [{"direction": one.direction.tolist(), "signal": _command(one.signal)} for one in problem.unmatched],
         "unmatched_ranges": unmatched,
-        "sensor": None if quiet else type(sensor).__name__,
+        "sensor": None if quiet or sensor is None else {"lag": sensor.lag, "quantized": sensor.quantization is not None},
         "noise": None if problem.noise is None else type(problem.noise).__name__,
         "baseline": _baseline(known),
         "reference": [_command(one) for one in problem.commands],

@@ -198,7 +198,12 @@ def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name, path, d
         path_before.update(change)
         refused(document, "sampled response")
         path_before.update(before)
-    for change in ({"noise": "Noise"}, {"reference": [{"kind": "unbounded"}]}, {"disturbance": {"kind": "unbounded"}}):
+    for change in (
+        {"noise": "Noise"},
+        {"sensor": {"lag": 0.0, "quantized": True}},
+        {"reference": [{"kind": "unbounded"}]},
+        {"disturbance": {"kind": "unbounded"}},
+    ):
         refused(document | {"plant": document["plant"] | change}, "sampled response")
 
 
