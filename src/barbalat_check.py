@@ -330,10 +330,7 @@ class Case:
         return [(one + [fmpq(0)] * (self.n - len(one)), signal) for one, signal in found]  # none on a baseline's states
 
     def require_linear(self) -> None:
-        quiet = self.facts["noise"] is None and not self.facts["unmatched_ranges"]
-        require(self.linear and quiet, "a linear plant without noise is needed")
-        sensor = self.facts["sensor"]
-        require(sensor is None or sensor["quantized"] is False, "the measurement must not be quantised")
+        require(self.linear and not self.facts["unmatched_ranges"], "a linear plant is needed")
 
     def require_unlimited(self, u: arb) -> None:
         """Require that a bound on |u| is within the inputs' limits."""
@@ -368,6 +365,14 @@ class Case:
         """The bound of a signal that may be absent."""
         signal = self.facts[name]
         return arb(0) if signal is None else arb(self.bound_of_signal(signal))
+
+    def measurement_errors(self) -> list[fmpq]:
+        """Half a step plus the bound on the noise of each measured quantity; empty if all are zero."""
+        sensor, noise = self.facts["sensor"], self.facts["noise"]
+        require(noise is None or isinstance(noise, list), "noise needs a bound")
+        steps = vector([] if sensor is None else sensor["quantization"])
+        found = [abs(q) / 2 + abs(w) for q, w in zip(steps, vector(noise or [0] * len(steps)), strict=True)]
+        return found if any(found) else []
 
     def require_regular(self) -> None:
         """Require that phi(x) is finite for every finite x. For a formula with a quotient or a root this is assumed and
@@ -1389,6 +1394,7 @@ class SampledLoop:
         self.x, self.x_m, self.r = (facts["rows"][name] for name in ("x", "x_m", "r"))
         self.N, self.first, self.free = (arb_mat(matrix(facts[name], s)) for name in ("N", "first", "free"))
         self.B = arb_mat(matrix(facts["B"], s)) if facts["B"][0] else None
+        self.W, self.first_W = (matrix(facts[name], s) for name in ("W", "first_W"))
         (moved, pushed), (_, early) = self.over((1 - self.part) * self.T), self.over(self.part * self.T)
         u = [self.wide(self.C), *(self.unit(range(s + age * self.m, s + (age + 1) * self.m)) for age in range(self.depth))]
         self.now, self.before = u[self.whole], u[self.whole + 1] if self.part > 0 else u[self.whole]
@@ -1414,7 +1420,9 @@ class SampledLoop:
             near("x'", A, x, [k for k in range(self.s) if k not in x])
         near("the jump of x at a sample", J, x, range(self.s), fmpq_mat([one.tolist()[row] for row in x]))
         near("the jump of x at a sample", N, x, commands)
-        near("x(0)", free, [*x, *x_m], [0], fmpq_mat([*case.x0.tolist(), *case.x0.tolist()]))
+        near("x(0)", free, x, [0], case.x0)
+        if case.facts["sensor"] is None or matrix(case.facts["sensor"]["reads"]) == identity(self.n):
+            near("x(0)", free, x_m, [0], case.x0)  # with an observer, the model starts at its estimate
         near("the first sample of r", first, [*x, *x_m], commands)
         near("the model", matrix(facts["b_r"]), range(self.n), commands, case.b_r)
         near("the model", J, x_m, x_m, model, arb(1))
@@ -1423,10 +1431,23 @@ class SampledLoop:
         near("the model", N, x_m, commands)
         for part in (N, first):
             near("the held command", part, r, commands, identity(len(r)))
-        for k, (direction, _) in enumerate(case.acting()):
-            B = matrix(facts["B"], self.s)
-            near("a disturbance", B, x, [k], column(direction))
-            near("a disturbance", B, [row for row in range(self.s) if row not in x], [k])
+        wanted = [dict(zip(x, direction, strict=True)) for direction, _ in case.acting()]
+        converted = [i for i in inputs if case.facts["inputs"][i]["quantization"] is not None]
+        for k, entry in enumerate([*wanted, *({row: E[row, i] for row in range(self.s)} for i in converted)]):
+            entries = fmpq_mat([[entry.get(row, fmpq(0))] for row in range(self.s)])
+            near("a disturbance or a converter", matrix(facts["B"]), range(self.s), [k], entries)
+        if count := len(case.measurement_errors()):
+            sensor, lagged = case.facts["sensor"], facts["rows"]["sensor"]
+            C, lag, seen = matrix(sensor["reads"], count, self.n), number(sensor["lag"]), lagged or x
+            require(len(lagged) == (count if lag > 0 else 0), "a lag needs a state for each measured quantity")
+            if lag > 0:
+                near("the sensor", A, lagged, [*x, *lagged], blocks([[C, -identity(count)]]) * (1 / lag))
+            own = [*x, *x_m, *r, *lagged]
+            others = [row for row in range(self.s) if row not in own]
+            jump = fmpq_mat([[J[row, at] for at in seen] for row in others])
+            near("the sensor", self.W * (identity(count) if lag > 0 else C), others, range(len(seen)), jump)
+            for part in (self.W, self.first_W):
+                near("the sensor", part, own, range(count))
         for path in case.facts["inputs"]:
             late = abs(number(path["delay"]) - (self.whole + self.part) * self.T)
             require(late <= ROUNDING * (self.T + number(path["delay"])), "the delay of the loop must be that of the input")
@@ -1449,7 +1470,7 @@ class SampledLoop:
     def tall(self, part: arb_mat) -> arb_mat:
         return arb_mat([*part.tolist(), *([arb(0)] * part.ncols() for _ in range(self.size - self.s))])
 
-    def bounds(self, r: list[arb], d: list[arb], witness: dict[str, Any]) -> tuple[arb, arb, arb]:
+    def bounds(self, r: list[arb], d: list[arb], w: list[arb], witness: dict[str, Any]) -> tuple[arb, arb, arb]:
         """Bounds on x - x_m under the sampled command, on x and on u."""
         shared, switch = witness["bends"], self.part * self.T
         require(isinstance(shared, int) and shared > 0, "the witness must give the number of parts that share a bound on x''")
@@ -1468,7 +1489,7 @@ class SampledLoop:
         for state, follows, *curving in blocks:
             ends = arb_mat([state.tolist()[i] for i in self.x])
             rows += [*(ends - follows).tolist(), *ends.tolist(), *(row for one in curving for row in one.tolist())]
-        sizes = iter(self.sizes(arb_mat([*rows, *self.wide(self.C).tolist()]), r, d, witness))
+        sizes = iter(self.sizes(arb_mat([*rows, *self.wide(self.C).tolist()]), r, d, w, witness))
 
         def take(count: int) -> list[arb]:
             return [next(sizes) for _ in range(count)]
@@ -1488,7 +1509,7 @@ class SampledLoop:
                 x[i] = x[i].max(far[-2][i].max(far[-1][i]) + bend)
         weights = self.weights(d) if d else []
         for i, row in enumerate(self.x) if d else ():
-            within = sum((abs(self.reached[row, k]) * weight for k, weight in enumerate(weights)), arb(0)) * 2
+            within = sum((abs(self.reached[row, k]) * weight for k, weight in enumerate(weights)), arb(0))
             held[i], x[i] = held[i] + within, x[i] + within
         u = largest_of(take(self.m))
         return largest_of(held), largest_of(x), u
@@ -1500,10 +1521,13 @@ class SampledLoop:
         each = [one * arb(self.T) / TRAPEZOIDS / (2 if k in (0, TRAPEZOIDS) else 1) for k in range(TRAPEZOIDS + 1) for one in d]
         return each + [sum((off[i, j] * one for j, one in enumerate(d)), arb(0)) for i in range(self.s)]
 
-    def sizes(self, rows: arb_mat, r: list[arb], d: list[arb], witness: dict[str, Any]) -> list[arb]:
+    def sizes(self, rows: arb_mat, r: list[arb], d: list[arb], w: list[arb], witness: dict[str, Any]) -> list[arb]:
         """The bound on every row of z by the theorem."""
         peaks, sums = [self.tall(self.free), self.tall(self.first - self.N)], [self.tall(self.N)]
-        of_peaks, of_sums = [arb(1), *r], list(r)
+        of_peaks, of_sums = [arb(1), *r, *w], [*r, *w]
+        if w:
+            apart = self.first_W - self.W if any(self.first_W.entries()) else self.first_W
+            peaks, sums = [*peaks, self.tall(arb_mat(apart))], [*sums, self.tall(arb_mat(self.W))]
         if d:
             assert self.B is not None
             reached = [self.over(fmpq(k, TRAPEZOIDS) * self.T)[0] * self.B for k in range(TRAPEZOIDS + 1)]
@@ -1626,6 +1650,8 @@ def linear_loop(c: Controller) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, dict[str, 
 def _linear_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
     """|y_i| <= sum_j ||y_i <- w_j|| + (|h_i(0)| + integral |h_i'|)/2, where h is the free response; u stays within its limits."""
     c.case.require_linear()
+    quiet = c.case.facts["noise"] is None and not c.case.measurement_errors()
+    require(quiet, "a measurement without noise and quantisation is needed")
     c.case.require_no("quantization", "rate_limit")
     A, B, start, outputs = linear_loop(c)
     found, witness = dict[str, arb](), line["witness"]
@@ -1647,14 +1673,15 @@ def _sampled_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
     """The bounds of the linear loop, while u stays within its limits."""
     case = c.case
     case.require_linear()
-    for path in case.facts["inputs"]:
-        require(path["quantization"] is None and path["rate_limit"] is None, "the input has a converter or a rate limit")
+    require(all(path["rate_limit"] is None for path in case.facts["inputs"]), "the input has a rate limit")
     case.assumed["the controller's and the actuator's parts of the loop from sample to sample are the case's"] = None
-    loop, d = SampledLoop(c), [arb(case.bound_of_signal(signal)) for _, signal in case.acting()]
+    loop, w = SampledLoop(c), list(map(arb, case.measurement_errors()))
+    d = [arb(case.bound_of_signal(one)) for _, one in case.acting()]
+    d += [arb(abs(number(path["quantization"])) / 2) for path in case.facts["inputs"] if path["quantization"] is not None]
     columns = 0 if loop.B is None else loop.B.ncols()
-    require(columns == len(d), "B must have a column for each disturbance")
+    require(columns == len(d), "B must have a column for each disturbance and converter")
     loop.require_plant(c)
-    held, x, u = loop.bounds(case.command_bounds(), d, line["witness"])
+    held, x, u = loop.bounds(case.command_bounds(), d, w, line["witness"])
     case.require_unlimited(u)
     c.proven["sampled"] = {"error_bound_held": held, "state_bound": x, "control_bound": u}
 

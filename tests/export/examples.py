@@ -45,7 +45,7 @@ from independent import example_controllers, example_output_controllers
 T = 0.01
 SIMULATION = Simulation(t_end=100.0, dt=T / 2)
 LONG = Simulation(t_end=1000.0, dt=T / 2)
-SENSOR = Sensor(lag=0.02, noise=Noise(std=0.01, sample_time=T, seed=4))
+SENSOR = Sensor(lag=0.02, noise=Noise(std=0.01, sample_time=T, bound=0.015, seed=4))
 INPUT = PlantInput(saturation=[-3.0, 3.0], rate_limit=200.0, delay=0.007)
 
 STATE = Problem(

@@ -44,8 +44,16 @@ def test_the_root_of_the_sum_of_squares_is_the_stationary_deviation():
     M, N = random.normal(size=(4, 4)), random.normal(size=(4, 2))
     M *= 0.95 / np.abs(np.linalg.eigvals(M)).max()
     expected = np.sqrt(np.diag(solve_discrete_lyapunov(M, N @ N.T)))
-    found = np.linalg.norm(SampledNorms(M, np.eye(4)).root_of_squares(N), axis=1)
+    norms = SampledNorms(M, np.eye(4))
+    found = np.linalg.norm(norms.deviation(N, 0 * N), axis=1)
     assert (found >= expected * (1 - 1e-9)).all() and (found <= expected * 1.003).all()
+    n, first, covariance, largest = N[:, :1], 3 * random.normal(size=(4, 1)), np.zeros((4, 4)), np.zeros(4)
+    found, start = norms.deviation(n, first)[:, 0], first @ first.T
+    for _ in range(400):
+        largest = np.maximum(largest, np.sqrt(np.diag(covariance + start)))
+        covariance, start = M @ covariance @ M.T + n @ n.T, M @ start @ M.T
+    assert (found >= largest * (1 - 1e-9)).all() and (found <= largest * 1.003).all()
+    assert (largest > 1.05 * np.sqrt(np.diag(solve_discrete_lyapunov(M, n @ n.T)))).all()
 
 
 def test_a_loop_that_hardly_forgets_has_no_bound_rather_than_a_wrong_one():

@@ -61,6 +61,45 @@ def test_members_have_streams_of_their_own_whatever_lanes_and_threads(problems):
     np.testing.assert_allclose(first.rms_e[0], runs[0].rms_e[0], rtol=1e-9)  # member 0 is the single run
 
 
+def test_a_bound_limits_every_value_and_changes_no_other(problems):
+    """u = k_0 r - theta'x of the second controller shows the noise of each sample."""
+    simulation, theta = Simulation(t_end=40.0, dt=2.0**-6, record_points=41 * 64), np.array([0.3, -0.2])
+    given = {"std": [0.1, 0.2], "sample_time": 2.0**-5}
+    problem = replace(problems[2], reference=Constant(1.0))
+    sampled = Sampled(KnownParameters(theta=theta), 2.0**-5, discretization="euler")
+
+    def runs(**bound):
+        return simulate(noisy(problem, **given, **bound), [Mrac(gamma=5.0), sampled], simulation)
+
+    free, far, near, none = runs(), runs(bound=1e3), runs(bound=[0.1, 0.05]), runs(bound=0.0)
+    for name, run in free.items():
+        np.testing.assert_array_equal(run.x, far[name].x)
+        assert not np.array_equal(run.x, near[name].x)
+    without = simulate(problem, [Mrac(gamma=5.0), sampled], simulation)
+    np.testing.assert_allclose(none["MRAC"].x, without["MRAC"].x, rtol=1e-9, atol=1e-9)
+    (name,) = free.keys() - {"MRAC"}
+    k_0_r = without[name].u.ravel()[0] + without[name].x[0] @ theta
+    of_noise = [np.abs(k_0_r - run[name].u.ravel() - run[name].x @ theta)[:-1:2].max() for run in (near, free)]
+    assert of_noise[0] == pytest.approx(0.3 * 0.1 + 0.2 * 0.05) and of_noise[1] > 0.1
+
+
+def test_members_may_have_different_bounds(problems):
+    simulation = Simulation(t_end=4.0, dt=2.0**-6)
+    members = [
+        (noisy(problems[2], std=0.1, sample_time=2.0**-6, **bound), Mrac(gamma=5.0))
+        for bound in ({"bound": 0.02}, {"bound": 0.05}, {"bound": 1e3})
+    ]
+    found = simulate_ensemble(members, simulation, numbers=[0] * 3).metrics.rms_e
+    assert len(np.unique(found, axis=0)) == 3
+    alone = simulate_ensemble([members[1]], simulation, numbers=[0]).metrics.rms_e
+    np.testing.assert_array_equal(alone[0], found[1])
+
+
+@pytest.mark.parametrize("bound", [-0.1, [0.1, -0.1], [0.1, 0.1, 0.1], float("nan")])
+def test_bounds_that_are_none(problems, bound):
+    assert "noise.bound" in refusal(lambda: noisy(problems[2], std=0.1, sample_time=0.1, bound=bound))
+
+
 def test_a_member_takes_its_noise_along(problems):
     """The noise depends only on the given number and not on the member's position."""
     simulation = Simulation(t_end=2.0, dt=2.0**-8)

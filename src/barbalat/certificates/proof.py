@@ -37,6 +37,7 @@ from barbalat.linear.l1_norms.witness import as_floats, witness
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.departures import apart_sentence, departures
 from barbalat.problem.known_set import KnownSet, ParameterBall
+from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Regressor, Terms
 from barbalat.problem.state_feedback import Known, Problem
@@ -407,7 +408,7 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
         "b": known.b.reshape(known.n, -1).tolist(),
         "k_0": np.reshape(known.k_0, (known.inputs, -1)).tolist(),
         "theta": plant.theta.tolist(),
-        "x0": known.x0.tolist(),
+        "x0": np.asarray(plant.x0).tolist(),
         "gain": [float(path.gain) for path in plant.paths],
         "input_gain": None if known.gains is None else {"lower": known.gains.lower.tolist(), "upper": known.gains.upper.tolist()},
         "regressor": _regressor(plant.regressor),
@@ -416,11 +417,30 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
         "disturbance": None if problem.disturbance is None else _command(problem.disturbance),
         "unmatched": [{"direction": one.direction.tolist(), "signal": _command(one.signal)} for one in problem.unmatched],
         "unmatched_ranges": unmatched,
-        "sensor": None if quiet or sensor is None else {"lag": sensor.lag, "quantized": sensor.quantization is not None},
-        "noise": None if problem.noise is None else type(problem.noise).__name__,
+        "sensor": None if quiet and problem.fixed_observer is None else _sensor(problem),
+        "noise": _noise(problem),
         "baseline": _baseline(known),
         "reference": [_command(one) for one in problem.commands],
     }
+
+
+def _sensor(problem: Problem) -> dict[str, Any]:
+    """The sensor with the C of its measurement and the step of each measured quantity, 0 without one."""
+    sensor, observer = problem.sensor or Sensor(), problem.fixed_observer
+    steps = 0.0 if sensor.quantization is None else sensor.quantization
+    return {
+        "lag": sensor.lag,
+        "reads": (np.eye(problem.known.n) if observer is None else observer.C).tolist(),
+        "quantization": (steps * np.ones(problem.measured)).tolist(),
+    }
+
+
+def _noise(problem: Problem) -> Any:
+    """The bound on the noise of each measured quantity, or its name if it has no bound; None without noise."""
+    noise = problem.noise
+    if noise is None or noise.bound is None:
+        return None if noise is None else type(noise).__name__
+    return (noise.bound * np.ones(problem.measured)).tolist()
 
 
 def _baseline(known: Known) -> dict[str, Any] | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,7 @@ MOST_PROVEN = 24_000
 BLOCK_SAMPLES = 64
 """Number of samples that are summed together."""
 UNSTABLE = "the sampled-data loop is unstable"
+TOO_SLOW = "the loop's transients decay too slowly for a bound"
 TOO_CLOSE = "the sampled-data loop is too close to instability, or its states differ too much in size, for a bound"
 
 
@@ -46,14 +48,23 @@ class SampledNorms:
         """sum_k |C M^k s|, (p,), or (p, q) for q columns s: the largest effect of an input of size 1 on y, with s = N."""
         return self._bounded(s, 1)[0]
 
-    def root_of_squares(self, s: Array) -> Array:
-        """sqrt(sum_k |C M^k s|^2), in the shape of ``summed``: the standard deviation of y for independent inputs of deviation
-        1."""
-        return self._bounded(s, 2)[0]
-
     def largest(self, s: Array) -> Array:
         """max_k |C M^k s|, in the shape of ``summed``."""
         return self._bounded(s, np.inf)[0]
+
+    def deviation(self, s: Array, first: Array) -> Array:
+        """max_k (sum_(j < k) |C M^j s|^2 + |C M^k first|^2)^(1/2), (p, q): the standard deviation of y for independent inputs of
+        deviation 1 whose first one has the effect ``first``."""
+        count = s.shape[1]
+        every, found = np.zeros((len(self.C), count)), np.zeros((len(self.C), count))
+        for seen, tail in self._followed(np.hstack([s, first])):
+            before = np.cumsum(np.concatenate([every[None], seen[:, :, :count] ** 2]), axis=0)
+            found = np.maximum(found, (before[:-1] + seen[:, :, count:] ** 2).max(axis=0))
+            every = before[-1]
+            left = tail[:, :count] ** 2 + tail[:, count:] ** 2
+            if (left <= TAIL_SHARE**2 * found.max(initial=0.0)).all():
+                return np.asarray(np.sqrt(np.maximum(found, every + left)) * OUTWARD_FACTOR)
+        raise InputError(TOO_SLOW)
 
     def samples(self, s: Array) -> int:
         """The number of samples that are summed before the rest is negligible."""
@@ -62,6 +73,17 @@ class SampledNorms:
     def _bounded(self, s: Array, order: float) -> tuple[Array, int]:
         """The norm of this order of the sequence C M^k s, and the number of samples followed. The sum of a tail bounds all its
         norms."""
+        found, followed = np.zeros((len(self.C), *s.shape[1:])), 0
+        for seen, tail in self._followed(s):
+            followed += BLOCK_SAMPLES
+            found = np.linalg.norm([found, np.linalg.norm(seen, order, axis=0)], order, axis=0)
+            short = (tail <= TAIL_SHARE * found.max(initial=0.0)).all()
+            if short if self.proven is None else followed == self.proven:
+                return np.asarray((found + tail) * OUTWARD_FACTOR), followed
+        raise InputError(TOO_SLOW)
+
+    def _followed(self, s: Array) -> Iterator[tuple[Array, Array]]:
+        """C M^k s for the samples of each block, and a bound on the sum of |C M^k s| over all later samples."""
         from scipy.linalg import matrix_balance
 
         M, (scale, _) = matrix_balance(self.M, permute=False, separate=True)  # by powers of two: exact
@@ -76,15 +98,9 @@ class SampledNorms:
         for _ in range(BLOCK_SAMPLES - 1):
             rows.append(rows[-1] @ M)
         block, jump = np.stack(rows), np.linalg.matrix_power(M, BLOCK_SAMPLES)
-        found = np.zeros((len(C), *s.shape[1:]))
-        for followed in range(BLOCK_SAMPLES, MOST_SAMPLES + 1, BLOCK_SAMPLES):
-            found = np.linalg.norm([found, np.linalg.norm(block @ s, order, axis=0)], order, axis=0)
-            s = jump @ s
-            tail = np.multiply.outer(reach, np.linalg.norm(root @ s, axis=0))
-            short = (tail <= TAIL_SHARE * found.max(initial=0.0)).all()
-            if short if self.proven is None else followed == self.proven:
-                return np.asarray((found + tail) * OUTWARD_FACTOR), followed
-        raise InputError("the loop's transients decay too slowly for a bound")
+        for _ in range(MOST_SAMPLES // BLOCK_SAMPLES):
+            seen, s = block @ s, jump @ s
+            yield seen, np.multiply.outer(reach, np.linalg.norm(root @ s, axis=0))
 
 
 def _contraction(M: Array) -> tuple[Array, float]:

@@ -36,6 +36,7 @@ class ClosedLoop:
     commands: int | None = None  # None for a single scalar command
     lag: Sensor | None = None  # of the sensor
     noise_std: Array | None = None
+    noise_bound: Array | None = None  # (p,) the largest |noise|
     resolutions: tuple[float | None, ...] | None = None  # of the sensor, for each measured quantity; a sampled controller's
     disturbed: bool = False
     directions: tuple[Array, ...] = ()  # directions of the unmatched disturbances
@@ -72,6 +73,7 @@ class ClosedLoop:
             commands=commands,
             lag=around.sensor if around.sensor is not None and around.sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.measured),
+            noise_bound=None if noise is None or noise.bound is None else noise.bound * np.ones(problem.measured),
             resolutions=resolutions,
             disturbed=around.disturbance is not None,
             directions=tuple(disturbance.direction for disturbance in around.unmatched),
@@ -346,7 +348,9 @@ class ClosedLoop:
 
     def _measured(self, state: LoopState, given: Signals) -> Value:
         y = self._read(state, given) if self.lag is None else state.sensor
-        y = y if self.noise_std is None else y + (self.noise_std * given.noise).reshape(y.shape)
+        if self.noise_std is not None:
+            noise = self.noise_std * given.noise
+            y = y + (noise if self.noise_bound is None else _limited(noise, self.noise_bound)).reshape(y.shape)
         return y if self.resolutions is None else _quantised(y, self.resolutions)
 
     def _control(self, state: LoopState, given: Signals) -> Value:
@@ -402,6 +406,10 @@ class ClosedLoop:
         y = y.reshape(-1)[: self.measured_outputs]
         x_m = state.x_m if self.baseline is None else self.model.output(state.x_m)
         return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), x, x_m, y)
+
+
+def _limited(noise: Value, bound: Array) -> Value:
+    return np.concatenate([np.clip(one, -most, most).reshape(1) for one, most in zip(noise, bound, strict=True)])
 
 
 def _quantised(y: Value, resolutions: tuple[float | None, ...]) -> Value:

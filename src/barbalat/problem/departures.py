@@ -242,7 +242,10 @@ def _resolution(sensor: Sensor | None) -> object:
 
 def _noise(sensor: Sensor | None) -> tuple[object, ...]:
     noise = None if sensor is None else sensor.noise
-    return () if noise is None else (np.ravel(noise.std).tolist(), noise.sample_time, noise.seed)
+    if noise is None:
+        return ()
+    bound = None if noise.bound is None else np.ravel(noise.bound).tolist()
+    return np.ravel(noise.std).tolist(), noise.sample_time, noise.seed, bound
 
 
 def _of_the_start(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:

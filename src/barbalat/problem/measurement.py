@@ -27,6 +27,8 @@ class Noise(Settings):
     std          standard deviation, one for all measured quantities or one for each [their units]
     sample_time  [s]; a whole number of solver steps if these are fixed. It is fixed, so the noise stays the same when the step is
                  refined
+    bound        largest |noise|, to which values beyond it are limited, one for all measured quantities or one for each
+                 [their units]; none by default. It is needed for guaranteed bounds of a sampled linear loop
     seed         determines every value, together with the member's number (``simulate_ensemble``), independently of threads and
                  lanes
 
@@ -36,17 +38,14 @@ class Noise(Settings):
     std: float | Vector
     sample_time: float
     _: KW_ONLY
+    bound: float | Vector | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
-        std = validate.vector(
-            "sensor.noise.std", self.std if np.ndim(self.std) else [validate.number("sensor.noise.std", self.std)]
-        )
-        if (std < 0).any():
-            raise InputError.of("sensor.noise.std", f"must not be negative, got {validate.show(std)}")
         validate.freeze(
             self,
-            std=std,
+            std=_sizes("sensor.noise.std", self.std),
+            bound=None if self.bound is None else _sizes("sensor.noise.bound", self.bound),
             sample_time=validate.positive("sensor.noise.sample_time", self.sample_time),
             seed=validate.whole("sensor.noise.seed", self.seed, least=0, most=LARGEST_SEED),
         )
@@ -76,7 +75,9 @@ class Sensor(Settings):
 
     def require(self, measured: int) -> None:
         """Raise InputError unless the settings fit the number of measured quantities."""
-        given = {"noise.std": None if self.noise is None else self.noise.std, "quantization": self.quantization}
+        given = {"quantization": self.quantization}
+        if self.noise is not None:
+            given |= {"noise.std": self.noise.std, "noise.bound": self.noise.bound}
         for name, each in given.items():
             if each is not None and np.size(each) > 1:
                 validate.vector(f"sensor.{name}", each, measured)
@@ -88,9 +89,23 @@ class Sensor(Settings):
         each = np.asarray(self.quantization) * np.ones(measured)
         return tuple(float(one) if one > 0 else None for one in each)
 
+    def largest_error(self, measured: int) -> Array | None:
+        """(p,) the largest |error| of each measured quantity due to noise and resolution; None if noise has no bound."""
+        rounded = np.zeros(measured) if self.quantization is None else np.asarray(self.quantization) / 2 * np.ones(measured)
+        if self.noise is None:
+            return rounded
+        return None if self.noise.bound is None else rounded + self.noise.bound
+
     def derivative(self, state: Value, y: Value) -> Value:
         """Return the rate of the lagged measurement for the true y. Both are (n,)."""
         return (y - state) / self.lag
+
+
+def _sizes(field: str, given: float | Vector) -> Array:
+    sizes = validate.vector(field, given if np.ndim(given) else [validate.number(field, given)])
+    if (sizes < 0).any():
+        raise InputError.of(field, f"must not be negative, got {validate.show(sizes)}")
+    return sizes
 
 
 def _resolution(given: float | Vector) -> float | Array:

@@ -304,7 +304,7 @@ def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name):
     ):
         refused(changed(("plant", "inputs"), [path | change]), f"linear response: .*{sentence}")
     refused(changed(("plant", "noise"), "Noise"), "without noise")
-    refused(changed(("plant", "sensor", "quantized"), True), "must not be quantised")
+    refused(changed(("plant", "sensor", "quantization"), lambda steps: [0.1] * len(steps)), "without noise and quantisation")
     refused(changed(("plant", "unmatched"), []), "linear response")
     for key, factor in (("theta", 3.0), ("b", 1.1), ("A_m", 1.3), ("k_0", 3.0), ("x0", 20.0)):
         refused(changed(("plant", key), lambda value, f=factor: (np.array(value) * f).tolist()), "must be at least|A'P")

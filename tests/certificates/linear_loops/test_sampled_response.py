@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import barbalat_check
 from barbalat import (
@@ -27,7 +28,7 @@ from barbalat import (
     simulate,
 )
 from barbalat.cases.load import load_case
-from barbalat.certificates.linear_loops.sampled_response import response
+from barbalat.certificates.linear_loops.sampled_response import Sizes, response
 from barbalat.certificates.proof import proof
 from barbalat.certificates.schemes.bounded_response import KEYS, OF_NOISE
 from barbalat.plants import DerivativeObserver, Disturbance, KalmanObserver, LuenbergerObserver, Noise, PlantInput, Sensor
@@ -100,7 +101,7 @@ def test_the_worst_command_comes_close(name):
     pulse = replace(still, reference=Steps(times=(0.0, T), values=(1.0, 0.0)))
     simulation = Simulation(t_end=count * T, dt=DT)
     (run,) = simulate(pulse, [controller], simulation).values()
-    bound = response(still, controller, np.array([1.0]), np.zeros(0))
+    bound = response(still, controller, Sizes(np.array([1.0]), np.zeros(0), np.zeros(2)))
     at_samples = np.abs(run.t[:, None] - np.arange(1, count) * T).argmin(axis=0)
     signs = np.sign(run.x[at_samples][::-1])
     reached = []
@@ -193,18 +194,18 @@ def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name, path, d
         witness.update(change)
         refused(document, "sampled response|error_bound|state_bound|control_bound")
         witness.update(right)
-    for change in ({"saturation": [-0.01, 0.01]}, {"rate_limit": "1.0"}, {"quantization": "0.1"}):
+    for change in ({"saturation": [-0.01, 0.01]}, {"rate_limit": 1.0}, {"quantization": 0.1}):
         before = dict(path_before)
         path_before.update(change)
         refused(document, "sampled response")
         path_before.update(before)
     for change in (
         {"noise": "Noise"},
-        {"sensor": {"lag": 0.0, "quantized": True}},
+        {"sensor": {"lag": 0.0, "reads": [[1.0, 0.0], [0.0, 1.0]], "quantization": [0.1, 0.1]}},
         {"reference": [{"kind": "unbounded"}]},
         {"disturbance": {"kind": "unbounded"}},
     ):
-        refused(document | {"plant": document["plant"] | change}, "sampled response")
+        refused(document | {"plant": document["plant"] | change}, "sampled response|_bound")
 
 
 @pytest.mark.parametrize("name", ["adrc", "known", "piecewise"])
@@ -244,6 +245,101 @@ def test_a_proof_follows_as_many_samples_as_its_bounds_need():
     document = proof("a case", problem, [controller], simulation, certify(problem, [controller], simulation))
     said, _ = barbalat_check.check(json.loads(json.dumps(document)))
     assert all(f"{key} = " in said[1] for key in KEYS)
+
+
+def moved_by(errors, of_the_converter, lag):
+    """x at 40 instants of each sample and u at each sample, for the loop of ``rounded`` from rest, by a matrix exponential."""
+    n, fine, delay = 2, 40, 24
+    A, b = np.array([[0.2 * 0.6, 1.0 - 0.2 * 0.4], [-1.4, -2.4]]), np.array([0.2, 1.0])
+    whole = A if not lag else np.block([[A, np.zeros((n, n))], [np.eye(n) / lag, -np.eye(n) / lag]])
+    size = len(whole)
+    grown = np.zeros((size + 1, size + 1))
+    grown[:size, :size], grown[:n, size] = whole, b
+    step = expm(grown * T / fine)
+    z, waiting, x, u = np.zeros(size), [0.0] * delay, [], []
+    for error, rounding in zip(errors, of_the_converter, strict=True):
+        u.append(-np.array([0.9, -0.1]) @ (z[-n:] + error))
+        for _ in range(fine):
+            waiting.append(u[-1] + rounding)
+            z = step[:size, :size] @ z + step[:size, size] * waiting.pop(0)
+            x.append(z[:n])
+    return np.array(x), np.array(u)
+
+
+def rounded(steps, bound, converter, lag):
+    noise = None if bound is None else Noise(std=0.02, sample_time=T, bound=bound)
+    problem = problem_of("nothing", reference=Constant(0.0), sensor=Sensor(lag=lag, quantization=steps, noise=noise))
+    path = PlantInput(delay=0.03, quantization=converter)
+    return replace(problem, plant=replace(problem.plant, x0=[0.0, 0.0], input=path))
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.02])
+@pytest.mark.parametrize(
+    ("steps", "bound", "converter", "close"),
+    [([0.1, 0.02], None, None, 1.001), ([0.1, 0.02], [0.03, 0.05], None, 1.001), ([0.04, 0.04], None, 0.3, 1.12)],
+)
+def test_the_worst_errors_of_sensor_and_converter_come_close(lag, steps, bound, converter, close):
+    """Every error is at its limit, with the sign that the impulse response of a simulation of our own has at that age."""
+    problem, count = rounded(steps, bound, converter, lag), 240
+    controller = Sampled(KnownParameters(theta=[0.9, -0.1]), T, discretization="euler")
+    (found,) = certify(problem, [controller], Simulation(t_end=1.0, dt=DT), keys=KEYS).values()
+    assert set(KEYS) <= found.guaranteed
+    sizes = np.array([*(np.array(steps) / 2 + (0.0 if bound is None else np.array(bound))), (converter or 0.0) / 2])
+    pulses = [np.outer(np.arange(count) == 0, size * unit) for size, unit in zip(sizes, np.eye(3), strict=True)]
+    answers = [moved_by(pulse[:, :2], pulse[:, 2], lag) for pulse in pulses]
+    rows = [[x[late::40, i] for x, _ in answers] for late in range(0, 40, 8) for i in range(2)] + [[u for _, u in answers]]
+    reached = np.zeros(2)
+    for row in rows:
+        worst = sizes * np.sign(np.array(row)[:, ::-1]).T
+        reached = np.maximum(reached, [np.abs(one).max() for one in moved_by(worst[:, :2], worst[:, 2], lag)])
+    bounds = np.array([found.values["state_bound"], found.values["control_bound"]])
+    assert (reached <= bounds).all() and (bounds <= close * reached).all()
+
+
+@pytest.mark.parametrize("observer", [None, "luenberger"])
+@pytest.mark.parametrize("lag", [0.0, 0.02])
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.short(
+    kept=lambda name, lag, observer: (name, lag, observer) in (("adrc", 0.0, None), ("piecewise", 0.02, "luenberger"))
+)
+def test_bounds_hold_with_a_quantised_sensor_and_bounded_noise_and_the_checker_derives_them(name, lag, observer):
+    noise = Noise(std=0.02, sample_time=T, bound=0.03)
+    problem = problem_of(
+        "delay",
+        reference=Square(amplitude=0.5, frequency=0.7),
+        disturbance=Sine(amplitude=0.3, frequency=2.0),
+        sensor=Sensor(lag=lag, quantization=0.05, noise=noise),
+        **({} if observer is None else {"observer": OBSERVERS[observer]}),
+    )
+    problem = replace(problem, plant=replace(problem.plant, input=PlantInput(delay=0.03, quantization=0.1)))
+    controller, simulation = CONTROLLERS[name], Simulation(t_end=T_END, dt=DT)
+    found = certify(problem, [controller], simulation)
+    ((values, guaranteed),) = ((one.values, one.guaranteed) for one in found.values())
+    (run,) = simulate(problem, [controller], simulation).values()
+    assert {*KEYS, "error_rms_bound"} <= guaranteed
+    assert values["error_rms_bound"] < values["error_bound"] + max(values["error_noise_rms"])
+    assert max(run.figures["max_abs_e"]) <= values["error_bound"]
+    assert np.abs(run.x).max() <= values["state_bound"] and np.abs(run.u).max() <= values["control_bound"]
+    document = json.loads(json.dumps(proof("a case", problem, [controller], simulation, found)))
+    said, _ = barbalat_check.check(document)
+    assert all(f"{key} = " in said[1] for key in KEYS)
+    plant, (facts,) = document["plant"], (one["facts"]["sampled"] for one in document["controllers"].values())
+    sensor, (path,) = plant["sensor"], plant["inputs"]
+    for change in (
+        {"noise": "Noise"},
+        {"noise": [0.05] * len(plant["noise"])},
+        {"noise": [0.03]} if observer is None else {"noise": [0.03, 0.03]},
+        {"sensor": sensor | {"quantization": [0.08] * len(sensor["quantization"])}},
+        {"sensor": sensor | {"lag": lag + 0.01}},
+        {"sensor": sensor | {"reads": (1.1 * np.array(sensor["reads"])).tolist()}} if lag == 0 else {"sensor": None},
+        {"inputs": [path | {"quantization": 0.2}]},
+        {"inputs": [path | {"quantization": None}]},
+    ):
+        refused(document | {"plant": plant | change}, "sampled response|_bound")
+    for key in ("W", "B"):
+        right, facts[key] = facts[key], (0.9 * np.array(facts[key])).tolist()
+        refused(document, "agree with the case")
+        facts[key] = right
 
 
 def test_the_checker_follows_a_command_with_a_single_jump_between_samples():

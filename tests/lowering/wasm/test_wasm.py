@@ -69,7 +69,7 @@ def test_every_bundled_loop_has_the_kernel_s_bits(case, name, sample) -> None:
 
 
 def with_input(problem: Problem, *, delay: float, std: float) -> Problem:
-    noise = Noise(std=std, sample_time=1e-3, seed=7) if std else None
+    noise = Noise(std=std, sample_time=1e-3, bound=0.15, seed=7) if std else None
     return replace(
         problem,
         plant=replace(problem.plant, input=PlantInput(delay=delay)),

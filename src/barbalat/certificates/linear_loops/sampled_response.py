@@ -17,15 +17,20 @@ contribution of d within a sample is at most its effect on a row at the end of t
 
 The model also follows r between the samples; ``missed`` bounds this difference.
 
-Noise whose samples are independent enters as W w[k+1]. A row C z then has at most the variance sum |C M^i W|^2; with standard
-deviations, for which the triangle inequality holds as well, the same argument covers the time between samples.
+An error of the measurement at a sample, from a quantised sensor or from noise with a bound, enters as W w[k+1], and as W_0 w[0]
+at the first sample. Its effect on a row C z is at most sum |C M^i W| + max |C M^i (W_0 - W)| times its size; without W_0 the sum
+alone. A converter adds at most half its step to u, as a disturbance does.
+
+Noise whose samples are independent enters in the same way. After k samples a row C z then has the variance
+sum_(i < k) |C M^i W|^2 + |C M^k W_0|^2; the triangle inequality holds for standard deviations as well, so the argument covers the
+time between samples.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -39,6 +44,7 @@ from barbalat.linear.sampled_loop import SampledLoop
 from barbalat.linear.sampled_norms import BLOCK_SAMPLES, MOST_PROVEN, SampledNorms, contraction_witness, grown
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
+from barbalat.problem.measurement import Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BoundedSignal, BreakingSignal, Controller, Signal, SlopedSignal
 from barbalat.signals.piecewise import rounding_of
@@ -86,28 +92,55 @@ class _Whole:
 
     loop: SampledLoop
     N: Array  # (z, q) effect of a command in a sample
-    B: Array  # (z, d) directions of the disturbances
-    W: Array  # (z, p) effect of the noise at a sample, a column for each independent number with standard deviation 1
+    B: Array  # (z, d) directions of the disturbances, and of the errors of converters
+    W: Array  # (z, p) effect of an error of the measurement at a sample, of size 1 in each measured quantity
+    first_W: Array  # (z, p) the same at the first sample
     free: Array  # (z,) state after the first sample without a command
     first: Array  # (z, q) effect of the first command on that state
     rows: dict[str, Array]
     A_m: Array
     b_r: Array  # (n, q)
 
+    @property
+    def apart(self) -> Array:
+        """(z, p) the difference that the first sample makes to the effect of an error of the measurement."""
+        return self.first_W - self.W if self.first_W.any() else self.first_W
 
-def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Response:
-    """Bounds for commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``. Raises InputError if the loop decays too
-    slowly.
+
+class Sizes(NamedTuple):
+    """The largest values of what acts on the loop.
+
+    r  (q,) commands
+    d  (d,) disturbances, and errors of the converters at the inputs that have one
+    w  (p,) errors of the measurement at a sample
     """
-    return _response(problem, _whole(problem, controller), r, d)
+
+    r: Array
+    d: Array
+    w: Array
+
+    @classmethod
+    def of(cls, problem: Problem, *, noisy: bool = True) -> Sizes:
+        """The sizes in a case, without noise that has no bound; without any noise unless ``noisy``. Raises InputError if a signal
+        has no bound."""
+        sensor = problem.sensor or Sensor()
+        if not noisy or (sensor.noise is not None and sensor.noise.bound is None):
+            sensor = replace(sensor, noise=None)
+        w = sensor.largest_error(problem.measured)
+        assert w is not None
+        rounded = [path.quantization / 2 for path in problem.plant.paths if path.quantization is not None]
+        return cls(bounds_of(problem.commands), np.array([*bounds_of(disturbances(problem)), *rounded]), w)
 
 
-def _response(
-    problem: Problem, whole: _Whole, r: Array, d: Array, bends: int | None = None, proven: int | None = None
-) -> Response:
+def response(problem: Problem, controller: Controller, sizes: Sizes) -> Response:
+    """Bounds for signals of these sizes. Raises InputError if the loop decays too slowly."""
+    return _response(problem, _whole(problem, controller), sizes)
+
+
+def _response(problem: Problem, whole: _Whole, sizes: Sizes, bends: int | None = None, proven: int | None = None) -> Response:
     """The bounds; with ``bends``, those that ``barbalat-check`` finds if this number of parts share a bound on x'' and it follows
     ``proven`` samples."""
-    loop, M = whole.loop, whole.loop.closed(problem.delay)
+    loop, M, (r, d, w) = whole.loop, whole.loop.closed(problem.delay), sizes
     reached, weights = (_reached if bends is None else _trapezoids)(loop.A, whole.B, loop.T)
 
     def largest(C: Array) -> Array:
@@ -116,9 +149,11 @@ def _response(
         found = of_r @ r + norms.largest(free)[:, 0]
         if len(d):
             found = found + norms.summed(_padded(loop.J @ reached, M)) @ (weights @ d)
+        if w.any():
+            found = found + (norms.summed(_padded(whole.W, M)) + norms.largest(_padded(whole.apart, M))) @ w
         return np.asarray(found * OUTWARD_FACTOR)
 
-    within = (np.abs(reached[whole.rows["x"]]) @ weights @ d if len(d) else np.zeros(len(whole.A_m))) * 2
+    within = np.abs(reached[whole.rows["x"]]) @ weights @ d if len(d) else np.zeros(len(whole.A_m))
     held, x, u = _at_all_times(whole, problem.delay, M, largest, bends or 1)
     outward = ROUNDINGS if bends is None else OUTWARD_FACTOR
     return Response(*(float(one.max()) * outward for one in (held + within, x + within, u)))
@@ -127,14 +162,16 @@ def _response(
 def noise_deviation(problem: Problem, controller: Controller) -> Deviation:
     """Bounds on the effect of the measurement noise of the case, if its samples are independent.
 
-    The covariance of the response grows from zero to the covariance of sum_k M^k W w, so the root of the sum of squares bounds
-    the standard deviation at all times. Raises InputError if the loop decays too slowly.
+    Without the first sample, whose effect differs, the covariance of the response would grow from zero to the covariance of
+    sum_k M^k W w. Raises InputError if the loop decays too slowly.
     """
-    whole = _whole(problem, controller)
-    M = whole.loop.closed(problem.delay)
+    whole, noise = _whole(problem, controller), problem.noise
+    assert noise is not None
+    M, std = whole.loop.closed(problem.delay), noise.std * np.ones(problem.measured)
 
     def deviation(C: Array) -> Array:
-        return np.linalg.norm(SampledNorms(M, C).root_of_squares(_padded(whole.W, M)), axis=1) * OUTWARD_FACTOR
+        found = SampledNorms(M, C).deviation(*(_padded(one * std, M) for one in (whole.W, whole.first_W)))
+        return np.asarray(np.linalg.norm(found, axis=1) * OUTWARD_FACTOR)
 
     _, x, u = _at_all_times(whole, problem.delay, M, deviation)
     return Deviation(x * OUTWARD_FACTOR, u * OUTWARD_FACTOR)
@@ -179,7 +216,7 @@ def _at_all_times(
 def _whole(problem: Problem, controller: Controller) -> _Whole:
     """The loop from the exact Jacobians of the equations, which are constant for a linear loop."""
     closed = ClosedLoop.of(problem, controller)
-    closed = without_limits(closed)
+    closed = replace(without_limits(closed), noise_std=np.ones(problem.measured), noise_bound=None)
     if closed.clocked:
         raise InputError("the plant depends on time, but the theorem holds only for time-invariant plants")
     size, count = closed.size, closed.signal_count
@@ -202,18 +239,21 @@ def _whole(problem: Problem, controller: Controller) -> _Whole:
     B = np.array([np.asarray(closed.derivative(zero, units[j])) - np.asarray(closed.derivative(zero, signals)) for j in acting]).T
     noisy = range(sizes.timed, sizes.timed + sizes.noise)
     W = np.array([np.asarray(closed.sample(zero, units[j])) - np.asarray(closed.sample(zero, signals)) for j in noisy]).T
+    first_W = np.array([np.asarray(closed.sample(start, units[j])) - free for j in noisy]).T
     out = [*places.x_m, int(held.started), *np.reshape(held.theta_hat, -1).tolist(), *settings]
     kept = np.setdiff1d(np.arange(size), np.array(out, dtype=int))
     where = np.full(size, -1)
     where[kept] = np.arange(len(kept))
-    rows = {"x": where[places.x], "x_m": where[held.x_m], "r": where[np.reshape(held.r, -1)]}
+    rows = {"x": where[places.x], "x_m": where[held.x_m], "r": where[np.reshape(held.r, -1)], "sensor": where[places.sensor]}
     inputs, between, C = np.reshape(held.u, -1), slopes.copy(), np.eye(size)[np.reshape(held.u, -1)]
     between[:, inputs] = 0.0
     inner = np.ix_(kept, kept)
     assert closed.sample_time is not None
     loop = SampledLoop(between[inner], slopes[np.ix_(kept, inputs)], J[inner], C[:, kept], closed.sample_time)
     A_m, b_r, _ = problem.model.matrices
-    return _Whole(loop, N[kept], B.reshape(size, -1)[kept], W.reshape(size, -1)[kept], free[kept], first[kept], rows, A_m, b_r)
+    converted = [i for i, path in enumerate(problem.plant.paths) if path.quantization is not None]
+    B = np.hstack([B.reshape(size, -1)[kept], loop.E[:, converted]])
+    return _Whole(loop, N[kept], B, W[kept], first_W[kept], free[kept], first[kept], rows, A_m, b_r)
 
 
 def _reached(A: Array, B: Array, T: float) -> tuple[Array, Array]:
@@ -324,6 +364,8 @@ def grounds(problem: Problem, controller: Controller, t_end: float) -> dict[str,
         "N": whole.N,
         "first": whole.first,
         "B": whole.B,
+        "W": whole.W,
+        "first_W": whole.first_W,
         "b_r": whole.b_r,
     }
     between = [
@@ -347,22 +389,24 @@ def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
     whole = _whole(problem, controller)
     M, counts = whole.loop.closed(problem.delay), list[int]()
     reached = whole.loop.J @ _trapezoids(whole.loop.A, whole.B, whole.loop.T)[0]
+    sizes = Sizes.of(problem)
     starts = [whole.free[:, None], whole.first - whole.N, whole.N, *([reached] if reached.size else [])]
+    starts += [whole.W, whole.apart] if sizes.w.any() else []
 
     def followed(C: Array) -> Array:
         counts.extend(SampledNorms(M, C).samples(_padded(one, M)) for one in starts)
         return np.zeros(len(C))
 
     _at_all_times(whole, problem.delay, M, followed)
-    needed, sizes = max(counts), (bounds_of(problem.commands), bounds_of(disturbances(problem)))
+    needed = max(counts)
     if needed > MOST_PROVEN:
         raise InputError(f"a proof would need {needed} samples, more than the limit of {MOST_PROVEN}")
-    claimed = np.array(_response(problem, whole, *sizes))
+    claimed = np.array(_response(problem, whole, sizes))
     found = contraction_witness(M)
     blocks = [min(math.ceil(needed * more / BLOCK_SAMPLES), MOST_PROVEN // BLOCK_SAMPLES) for more in MORE_SAMPLES]
 
     def follows(bends: int, samples: int) -> bool:
-        return bool((np.array(_response(problem, whole, *sizes, bends, samples)) * ROOM <= claimed).all())
+        return bool((np.array(_response(problem, whole, sizes, bends, samples)) * ROOM <= claimed).all())
 
     for bends in BENDS:
         if follows(bends, blocks[-1] * BLOCK_SAMPLES):  # the more samples are followed, the lower the bounds

@@ -17,6 +17,7 @@ from barbalat.certificates.entry import Assumption, Entry, NotApplicable
 from barbalat.certificates.linear_loops import continuous_response
 from barbalat.certificates.linear_loops.margin_values import in_the_loop
 from barbalat.certificates.linear_loops.sampled_response import (
+    Sizes,
     bounds_of,
     disturbances,
     missed,
@@ -64,23 +65,24 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
         draft.all_missing(KEYS, why, theorem=theorems.SAMPLED_BASELINE)
         return
     try:
-        found = response(problem, controller, bounds_of(problem.commands), bounds_of(disturbances(problem)))
+        found = response(problem, controller, Sizes.of(problem))
     except InputError as error:
         theorem = theorems.LINEAR_UNSTABLE if str(error) == UNSTABLE else theorems.OUTPUT_LOOP
         draft.all_missing(KEYS, str(error), theorem=theorem)
         return
     _note_gain(draft, problem)
-    linear, quiet = _linear(problem, found.u), _quiet(problem)
-    draft.guarantee("error_bound_held", found.held, *linear, quiet)
-    draft.guarantee("state_bound", found.x, *linear, quiet)
-    draft.guarantee("control_bound", found.u, *linear, quiet)
+    linear = *_linear(problem, found.u), _bounded_noise(problem)
+    draft.guarantee("error_bound_held", found.held, *linear)
+    draft.guarantee("state_bound", found.x, *linear)
+    draft.guarantee("control_bound", found.u, *linear)
     beside = _missed(problem, controller, t_end)
     if isinstance(beside, NotApplicable):
-        draft.missing("error_bound", beside.why, *linear, quiet, theorem=theorems.BOUNDED_COMMAND)
+        draft.missing("error_bound", beside.why, *linear, theorem=theorems.BOUNDED_COMMAND)
     else:
-        draft.guarantee("error_bound", (found.held + beside) * OUTWARD_FACTOR, *linear, quiet, UP_TO_THE_END)
+        draft.guarantee("error_bound", (found.held + beside) * OUTWARD_FACTOR, *linear, UP_TO_THE_END)
     if problem.noise is not None:
-        _add_noise(draft, problem, controller, linear, None if isinstance(beside, NotApplicable) else found.held + beside)
+        quiet = found if problem.noise.bound is None else response(problem, controller, Sizes.of(problem, noisy=False))
+        _add_noise(draft, problem, controller, linear[:-1], None if isinstance(beside, NotApplicable) else quiet.held + beside)
 
 
 def add_continuous(draft: Draft, problem: TrackingProblem, controller: Controller) -> None:
@@ -103,7 +105,7 @@ def add_continuous(draft: Draft, problem: TrackingProblem, controller: Controlle
         return
     if "error_bound" in keys:
         _note_gain(draft, problem)
-    rests_on = *_linear(problem, found.u), _quiet(problem)
+    rests_on = *_linear(problem, found.u, sampled=False), _quiet(problem), _smooth(problem)
     for key, value in zip(OF_CONTINUOUS_LOOPS, found, strict=True):
         if key in keys:
             draft.guarantee(key, value, *rests_on)
@@ -136,11 +138,12 @@ def _add_noise(
         return
     unlimited = _never_limited(problem)
     values = {"error_noise_rms": found.x.tolist(), "control_noise_rms": found.u.tolist()}
-    if any(one.broken for one in (*linear, unlimited)):
+    own = (*linear, unlimited, _smooth(problem))
+    if any(one.broken for one in own):
         draft.estimate(values, INDEPENDENT.sentence, of=OF_THE_LOOP + in_the_loop(problem))
     else:
         for key, value in values.items():
-            draft.guarantee(key, value, *linear, unlimited, INDEPENDENT)
+            draft.guarantee(key, value, *own, INDEPENDENT)
     if error is not None:
         rms = (error + float(found.x.max())) * OUTWARD_FACTOR
         draft.guarantee(RMS, rms, *linear, unlimited, INDEPENDENT, UP_TO_THE_END)
@@ -158,12 +161,12 @@ def _missed(problem: Problem, controller: Controller, t_end: float) -> float | N
     return total
 
 
-def _linear(problem: Problem, u: float) -> tuple[Assumption, ...]:
-    """The assumptions of the bounds for the linear loop, apart from the noise."""
+def _linear(problem: Problem, u: float, *, sampled: bool = True) -> tuple[Assumption, ...]:
+    """The assumptions of the bounds for the linear loop, apart from the noise. A ``sampled`` one may have converters."""
     paths = problem.plant.paths
     unknown = "" if problem.derived is None else problem.derived.unmatched
     on_the_way = [
-        ("a converter", any(path.quantization is not None for path in paths)),
+        ("a converter", not sampled and any(path.quantization is not None for path in paths)),
         ("a rate limit", any(path.rate_limit is not None for path in paths)),
         ("a history of the input", any(path.history != 0 for path in paths)),
     ]
@@ -175,23 +178,37 @@ def _linear(problem: Problem, u: float) -> tuple[Assumption, ...]:
     return (
         Assumption("the plant is linear, including its delay and its input dynamics", unknown, theorems.UNMATCHED_RESTS),
         Assumption(
-            "the plant has no input dynamics other than a delay, an actuator and limits", _listed(on_the_way), theorems.LIMITS
+            f"the plant has no input dynamics other than a delay, an actuator{', a converter' if sampled else ''} and limits",
+            _listed(on_the_way),
+            theorems.LIMITS,
         ),
         Assumption("u stays within its limits", reached, theorems.LINEAR_LIMITS),
-        Assumption(
-            "the measurement is not quantised",
-            "a quantised measurement" if problem.sensor is not None and problem.sensor.quantization is not None else "",
-            theorems.MEASUREMENT,
-        ),
         Assumption("disturbances are bounded", "a disturbance without a bound" if unbounded else "", theorems.OUTPUT_LOOP),
         bounded_command(problem),
         THE_CASE_S,
     )
 
 
+def _bounded_noise(problem: Problem) -> Assumption:
+    unbounded = problem.noise is not None and problem.noise.bound is None
+    return Assumption("measurement noise has a bound", "Gaussian measurement noise" if unbounded else "", theorems.GAUSSIAN)
+
+
 def _quiet(problem: Problem) -> Assumption:
-    noisy = "" if problem.noise is None else "Gaussian measurement noise"
-    return Assumption("the measurement has no noise", noisy, theorems.GAUSSIAN)
+    if problem.noise is None or problem.noise.bound is None:
+        noisy = "" if problem.noise is None else "Gaussian measurement noise"
+        return Assumption("the measurement has no noise", noisy, theorems.GAUSSIAN)
+    why = "measurement noise, with which only controllers with a sample_time have a bound"
+    return Assumption("the measurement has no noise", why, theorems.LINEAR_ADDITIONS)
+
+
+def _smooth(problem: Problem) -> Assumption:
+    """Nothing in the loop is rounded, so its response is linear."""
+    rounding = [
+        ("a quantised measurement", problem.sensor is not None and problem.sensor.quantization is not None),
+        ("a converter", any(path.quantization is not None for path in problem.plant.paths)),
+    ]
+    return Assumption("nothing in the loop is quantised", _listed(rounding), theorems.MEASUREMENT)
 
 
 def _never_limited(problem: Problem) -> Assumption:
