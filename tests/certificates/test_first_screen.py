@@ -240,3 +240,12 @@ def test_another_actuator_of_the_truth_is_named_by_its_coefficients():
     found, _ = roll(("[labels]", "[truth.input]\nactuator = { num = [20.0], den = [1.0, 20.0] }\n[labels]"))
     notes = " ".join(found["ADRC"].notes)
     assert "actuator num = [20], den = [1, 20], not num = [30], den = [1, 30]" in notes and "TransferFunction" not in notes
+
+
+def test_a_loop_that_is_bounded_without_its_condition_is_said_to_be_bounded():
+    """The continuous ADRC fails its small gain over the known set and is bounded at the case's theta."""
+    found, lines = roll(WITHOUT_L1, CONTINUOUS, ("delay = 0.008\n", ""))
+    assert not found["ADRC"].values["condition"]["holds"] and "error_bound" in found["ADRC"].guaranteed
+    not_shown, bounded = lines["ADRC"]["condition"].split("; ")
+    assert not_shown.endswith("is not below 1")
+    assert bounded.startswith("bounded: ") and "with the case's theta and input gain only" in bounded

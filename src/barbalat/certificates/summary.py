@@ -58,6 +58,8 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
             apart = stability is not None and stability.kind == OF_THE_DESIGN
             said = f"; the following is {OF_THE_DESIGN}" if apart else ""
             return Line("condition", f"holds: {of} {size} < 1{said}", OF_THE_DESIGN if apart else condition.kind)
+        if stability is not None and speaks_of_the_motion(stability):  # without the condition, for fewer plants
+            return Line("condition", f"not shown: {of} {size} is not below 1; bounded: {stability.text}", stability.kind)
         return Line("condition", f"not shown: {of} {size} is not below 1", "does not apply")
     if stability is None or not stability.applies:
         return Line("condition", f"not shown: {'' if stability is None else stability.why}", "does not apply")
