@@ -37,15 +37,16 @@ from barbalat import (
 from barbalat.cases.load import load_case
 from barbalat.designs import pi_feedback
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.plants import PlantInput
+from barbalat.plants import Noise, PlantInput, Sensor
 from barbalat.protocols import Controller
 from barbalat.signals import Constant, Sine
-from certificates.bounds.worst_runs import Composite, Loops, by_mutation, by_pulses, by_steps
+from certificates.bounds.worst_runs import Composite, Loops, by_mutation, by_pulses, by_steps, of_noise
 
 KEYS = ("error_bound", "error_bound_worst", "error_bound_command")
 OF_RESPONSES = ("error_bound_held", "error_bound", "state_bound", "control_bound")
-GAMMA, SIZE, GAINS, T = 1e4, 2.0, (0.5, 2.0), 0.01
-"""Gain of L1-AC as in the case, size of the disturbance, interval of the input gain, and sample time [s]."""
+GAMMA, SIZE, GAINS, T, NOISE = 1e4, 2.0, (0.5, 2.0), 0.01, 0.05
+"""Gain of L1-AC as in the case, size of the disturbance, interval of the input gain, sample time [s], and bound on the
+noise."""
 Row = tuple[str, float, float, float, float]
 
 
@@ -226,6 +227,17 @@ def response_rows(problem: Problem) -> Iterator[tuple[str, Callable[[], list[str
             return [f"| {said} | " + " | ".join(f"{bound:.4g} | {bound / run:.3f}" for bound, run in pairs) + " |"]
 
         yield said, row
+
+    said = "known parameters, sampled, noise"
+
+    def noisy() -> list[str]:
+        sensor = Sensor(noise=Noise(std=NOISE, sample_time=T, bound=NOISE))
+        controller = Sampled(known, T, discretization="euler")
+        found = values(replace(problem, plant=rest, sensor=sensor), controller, OF_RESPONSES, t_end=20.0)
+        pairs = zip((found[key] for key in OF_RESPONSES if key != "error_bound"), of_noise(problem, T, NOISE), strict=True)
+        return [f"| {said} | " + " | ".join(f"{bound:.4g} | {bound / run:.3f}" for bound, run in pairs) + " | | |"]
+
+    yield said, noisy
 
 
 def other_rows(problem: Problem) -> Iterator[tuple[str, Callable[[], list[str]]]]:

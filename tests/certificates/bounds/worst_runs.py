@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import expm, solve_continuous_lyapunov
 
 from barbalat import Problem, Simulation, simulate
 from barbalat.plants import PlantInput
@@ -98,6 +98,27 @@ def by_pulses(problem: Problem, controller: Controller, horizon: float, T: float
     end, i = np.unravel_index(int((np.abs(own) + pushed).argmax()), own.shape)
     against = steps(d * np.sign(own[end, i]) * signs(int(end), int(i))[1], h) if d else still
     return found, largest_of(acted_on(problem, problem.reference, against), controller, fine).e
+
+
+def of_noise(problem: Problem, T: float, w: float) -> Largest:
+    """The largest e, x and u of u = k_0 r - theta'(x + noise), held for T seconds, at rest without delay and actuator, for the
+    worst command and a noise of at most w on each state. The recursion is that of the samples and does not use the package's."""
+    known, theta, r = problem.known, problem.plant.theta, problem.reference.bound
+    k_0, n = float(known.k_0), len(theta)
+
+    def held(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        whole = expm(T * np.block([[A, b[:, None]], [np.zeros((1, n + 1))]]))
+        return whole[:n, :n], whole[:n, n]
+
+    (Phi, G), (Phi_m, G_m) = held(known.A_m + np.outer(known.b, theta), known.b), held(known.A_m, known.b * k_0)
+    none, one = np.zeros((n, n)), np.eye(n)
+    M = np.block([[Phi - np.outer(G, theta), none], [none, Phi_m]])
+    pushed = np.column_stack([r * np.append(G * k_0, G_m), w * np.vstack([-np.outer(G, theta), none])])
+    rows = np.vstack([np.hstack([one, -one]), np.hstack([one, none]), np.append(-theta, np.zeros(n))])
+    largest = np.append(np.zeros(2 * n), k_0 * r + w * np.abs(theta).sum())
+    for _ in range(4000):
+        largest, pushed = largest + np.abs(rows @ pushed).sum(axis=1), M @ pushed
+    return Largest(float(largest[:n].max()), float(largest[n:-1].max()), float(largest[-1]))
 
 
 def by_steps(problem: Problem, controller: Controller, simulation: Simulation, *, known: bool = False) -> float:
