@@ -1121,7 +1121,7 @@ def small_gain(c: Controller) -> tuple[arb, list[arb]]:
     require(case.facts["noise"] is None and "sample_time" not in c.facts, "a continuous loop without noise is needed")
     sizes = [case.bound_of(name) for name in ("reference", "disturbance", "output_disturbance")]
     slope, rest = slope_of_f(c), arb(0) if f is None else arb(number(f["at_zero"]))
-    case.assumed["the matrices of the loop around y are the case's"] = None
+    case.assumed["the matrices of the loop around y are those of the case"] = None
     each = c.norm("loop").upper
     gain = each[0][1]
     require(bool(gain * slope < 1), "the small gain must be below 1")
@@ -1664,7 +1664,7 @@ def _linear_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
         found[name] = largest_of(each)
     c.case.require_unlimited(found["control_bound"])
     of_e = "" if c.fact("linear loop")["states"] == c.case.n else "; e and x are its first states, before those of a baseline"
-    c.case.assumed[f"the parts of controller, actuator and sensor in the linear loop are the case's{of_e}"] = None
+    c.case.assumed[f"the parts of controller, actuator and sensor in the linear loop are those of the case{of_e}"] = None
     c.proven["linear response"] = found
 
 
@@ -1674,7 +1674,7 @@ def _sampled_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
     case = c.case
     case.require_linear()
     require(all(path["rate_limit"] is None for path in case.facts["inputs"]), "the input has a rate limit")
-    case.assumed["the controller's and the actuator's parts of the loop from sample to sample are the case's"] = None
+    case.assumed["the controller's and the actuator's parts of the loop from sample to sample are those of the case"] = None
     loop, w = SampledLoop(c), list(map(arb, case.measurement_errors()))
     d = [arb(case.bound_of_signal(one)) for _, one in case.acting()]
     d += [arb(abs(number(path["quantization"])) / 2) for path in case.facts["inputs"] if path["quantization"] is not None]
@@ -1912,7 +1912,9 @@ class OwnV:
             R, v, F, size = facts["R"], facts["v"], facts["F"], range(len(facts["R"]))
             square = len(v) == len(F) == len(size) and all(len(row) == len(size) for row in (*R, *F))
             own = {name for row in R for name in row}
-            require(square and own <= set(law.state) and len(own) == len(size) ** 2, "R must be a square part of the state")
+            require(
+                square and own <= set(law.state) and len(own) == len(size) ** 2, "R must be a square matrix of distinct states"
+            )
             require(not own & factors.keys(), "a part of the state may be in one R only")
             start = fmpq_mat([[self.start[name] for name in row] for row in R])
             require(positive_semidefinite(start), "R must be positive semidefinite at t = 0")

@@ -152,8 +152,8 @@ def test_the_memory_holds_z_as_theta_times_R(problems):
 
 
 def test_learning_needs_no_persistent_excitation(problems):
-    """A step command excites only for a while. Without a memory the MRAC keeps its parameter error; with a memory the error
-    vanishes.
+    """A step command provides excitation only for a while. Without a memory the MRAC keeps its parameter error; with a memory
+    the error vanishes.
 
     h Gamma gamma_c capacity = 2^-8 50 6 = 1.2 is below RK4's limit of 2.78, so the step resolves the memory's term.
     """

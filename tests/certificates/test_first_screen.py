@@ -98,7 +98,7 @@ def test_a_bound_for_the_case_s_theta_alone_says_so_on_the_first_screen():
         "is unstable for part of the known set"
     )
     assert "with the case's theta and input gain only: |x| <= " in lines["ADRC"]["condition"]
-    assert "theta and the input's gain are the case's" in found["ADRC"].assumptions
+    assert "theta and the input gain are those given in the case" in found["ADRC"].assumptions
     (column,) = (one for one in found.table.columns if one.name == "ADRC")
     assert "with the case's theta and input gain only" in column.cells["transient"].text
 

@@ -325,7 +325,7 @@ def test_the_theta_0_of_a_fixed_loop_is_that_of_its_observer_or_baseline(output)
     document = document_of(case, certify(case.problem, case.controllers, case.simulation, keys=["condition", "error_bound"]))
     said, assumed = barbalat_check.check(document)
     assert "condition" in said[1]
-    assert assumed == ["the parts of controller, actuator and sensor in the linear loop are the case's"]
+    assert assumed == ["the parts of controller, actuator and sensor in the linear loop are those of the case"]
     facts = document["controllers"]["ADRC"]["facts"]
     for name in "FGHMN":
         other = copy.deepcopy(facts)

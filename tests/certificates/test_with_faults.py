@@ -107,7 +107,7 @@ def test_a_shell_that_may_reject_samples_guarantees_nothing_of_the_motion(name):
         assert all(SHELL_NOTE in one.notes for one in certificates.values())
     said = lines_of(found, "fixed")
     assert said["bound of e"].startswith("guaranteed for the design")
-    assert said["assumed"].startswith("fails here: ") and "the shell may reject samples, see the notes" in said["assumed"]
+    assert said["assumed"].startswith("fails here: ") and "the shell may reject samples; see the notes" in said["assumed"]
     cells = [cell for column in found.table.columns for cell in column.cells.values()]
     assert not any(cell.kind == "guaranteed" for cell in cells)
     if name != "stuck":

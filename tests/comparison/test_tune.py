@@ -332,7 +332,7 @@ def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
         ({"subject_to": ["no_such_key < 1"]}, "'no_such_key' is neither a metric"),
         (
             {"subject_to": ["condition < 1"]},
-            "certify has 'condition' only for 'L1', not for 'MRAC': select the controller to tune with --controller",
+            "certify reports 'condition' only for 'L1', not for 'MRAC': use --controller to select the controller to tune",
         ),
         ({"subject_to": ["conditon < 1"]}, "did you mean 'condition'?"),
         ({"objective": "rms_e[3]"}, "rms_e[3] is not a metric of this case; choose one of rms_e[0]"),
@@ -340,7 +340,7 @@ def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
         ({"vary": {"controller[0].gamma": "5:1"}}, "START must be below STOP"),
         ({"vary": {"controller[0].gamma": "0:1:log"}}, "START must be positive for log"),
         ({"vary": {"controller[0].gama": "1:5"}}, "unknown key"),
-        ({"vary": {"reference_model.k_0": "1:5"}}, "select the controller to tune with --controller"),
+        ({"vary": {"reference_model.k_0": "1:5"}}, "use --controller to select the controller to tune ("),
         ({"plants": 0}, "plants must be"),
         ({"quantile": 1.5}, "quantile must be above 0 and at most 1, got 1.5"),
         ({"trials": 10}, "trials must be"),
@@ -388,8 +388,8 @@ def test_a_controller_without_knobs_is_left_out_of_all_and_refused_alone(tmp_pat
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_search_comes_close_to_where_a_constraint_binds(seed):
-    """The test searches for the smallest admissible x with a second number of little influence, like L1's filter and gain with a
-    delay."""
+    """The test searches for the smallest admissible x when a second parameter has little influence, as with the filter and gain
+    of L1 under a delay."""
     limit = 0.2 + 0.1 * seed
     tried = []
 

@@ -1,4 +1,4 @@
-"""Active disturbance rejection: the textbooks' controllers, the related L1 schemes, and the signals of its observer."""
+"""Active disturbance rejection: the textbook controllers, the related L1 schemes, and the signals of its observer."""
 
 from dataclasses import replace
 from itertools import pairwise

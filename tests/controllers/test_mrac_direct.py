@@ -108,7 +108,7 @@ def several(**more):
 
 
 def by_matrices(gamma, gamma_r, until):
-    """(x, x_m, K_x, K_r) by the textbooks' equations K_x' = gamma phi e'PB, K_r' = -gamma_r B'Pe r', u = -K_x'x + K_r r."""
+    """(x, x_m, K_x, K_r) by the textbook equations K_x' = gamma phi e'PB, K_r' = -gamma_r B'Pe r', u = -K_x'x + K_r r."""
     P = solve_continuous_lyapunov(A_M.T, -np.eye(3))
 
     def rates(t, state):

@@ -138,7 +138,7 @@ def found_in_c(printed: Printed, folder: Path) -> Found:
 
 
 def coverage(printed: Printed, folder: Path) -> str:
-    """The self-test's coverage of ``advance``: MC/DC by clang-19 if it is installed, otherwise the outcomes of branches by
+    """The self-test's coverage of ``advance``: MC/DC by clang-19 if it is installed, otherwise the branch outcomes by
     gcov."""
     write(folder, {"controller.h": header(printed), "controller.c": source(printed), "selftest.c": selftest(printed)})
     return _modified_conditions(folder) if shutil.which("clang-19") and shutil.which("llvm-cov-19") else _branches(folder)
@@ -158,7 +158,7 @@ def _modified_conditions(folder: Path) -> str:
     several = (
         f", {sum(shown_to_decide)} of {len(shown_to_decide)} conditions of decisions with several" if shown_to_decide else ""
     )
-    return f"MC/DC: {sum(map(bool, outcomes))} of {len(outcomes)} outcomes of conditions{several}"
+    return f"MC/DC: {sum(map(bool, outcomes))} of {len(outcomes)} condition outcomes{several}"
 
 
 def _branches(folder: Path) -> str:
@@ -172,4 +172,4 @@ def _branches(folder: Path) -> str:
     inside = inside[: inside.index(":}\n")]
     taken = re.findall(r"^branch +\d+ (taken \d+|never executed)", inside, re.MULTILINE)
     covered = sum(one not in ("taken 0", "never executed") for one in taken)
-    return f"{covered} of {len(taken)} outcomes of branches taken"
+    return f"{covered} of {len(taken)} branch outcomes taken"

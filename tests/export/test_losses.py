@@ -65,7 +65,7 @@ class Losses:
         self.freeze = random.random(samples) < 0.1
 
     def spoilt(self, run) -> tuple[np.ndarray, np.ndarray]:
-        """The measurements and commands as given to the C."""
+        """The measurements and commands as passed to the C code."""
         bad = np.resize([np.nan, np.inf, -np.inf, 1e300], len(run.measured))[:, None]
         return np.where(self.measured[:, None], bad, run.measured), np.where(self.command[:, None], bad, run.commands)
 

@@ -258,7 +258,7 @@ def test_an_unstable_plant_that_predicts_worse_than_a_held_state_is_a_finding():
         assert (
             any("predicts q worse than holding the state from the last restart does" in said for said in found.findings) == worse
         )
-        assert any("The ranges describe no plant" in said for said in found.findings)
+        assert any("The ranges do not describe any real plant" in said for said in found.findings)
         assert "s ahead and fits q" in report.sentence(found) and "restarts from the measured state every" in report.caption(
             found
         )

@@ -1,4 +1,4 @@
-"""The confidence intervals by Monte Carlo, offsets, dead times, and findings about fits that describe no plant."""
+"""The confidence intervals by Monte Carlo, offsets, dead times, and findings about fits that do not describe any plant."""
 
 from __future__ import annotations
 
@@ -164,7 +164,9 @@ def test_a_nonlinear_plant_describes_no_plant():
             x += 0.001 * (-(x**3) * np.sign(np.sin(3 * x)) + v)
     found = identify(Recording(0.05 * np.arange(len(u)), u[:, None], np.array(outputs), ("u",), ("x",)))
     assert found.fit["x"] < 0.7
-    assert any("The ranges describe no plant, so do not trust a case file with them" in said for said in found.findings)
+    assert any(
+        "The ranges do not describe any real plant, so do not trust a case file with them" in said for said in found.findings
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -205,7 +207,7 @@ def test_bounds_that_exclude_the_plant_lead_to_an_unstable_one_inside_them():
     found = identify(rig(0.1, 1e-3, 0), within={("w", "w"): (30.0, 40.0)})
     assert found.rows[1].nominal[1] == pytest.approx(30.0) and found.horizon is not None
     assert any("the fit of w' lies outside the bounds of `within`" in said for said in found.findings)
-    assert any("The ranges describe no plant" in said for said in found.findings)
+    assert any("The ranges do not describe any real plant" in said for said in found.findings)
 
 
 def test_noise_that_hides_the_motion_is_told_apart_from_a_wrong_plant():
@@ -213,7 +215,7 @@ def test_noise_that_hides_the_motion_is_told_apart_from_a_wrong_plant():
     found = identify(rig(0.1, 3.0, 0, N=1200))
     assert min(found.fit.values()) < 0.7
     assert any("the noise is large compared with the motion of q, w" in said for said in found.findings)
-    assert not any("describe no plant" in said or "are not noise: the correlation" in said for said in found.findings)
+    assert not any("describe any real plant" in said or "are not noise: the correlation" in said for said in found.findings)
 
 
 @pytest.mark.parametrize("seed", range(8))

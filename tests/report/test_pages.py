@@ -41,7 +41,7 @@ def shown(svg):
 
 
 def test_a_small_page_holds_its_pictures():
-    """The data address decodes to the picture with the same tags, colours and texts."""
+    """The data URI decodes to the picture with the same tags, colours and texts."""
     found = shown(SVG)
     addresses = [unescape(one) for one in re.findall(r'src="([^"]*)"', found)]
     assert len(addresses) == 2 and "srcset" not in found and "://" not in found

@@ -102,7 +102,7 @@ def page(text: str) -> str:
 
 
 def _rows(keys: Mapping[str, Key], prefix: str = "") -> list[tuple[str, ...]]:
-    """A row for each key; the keys of an inner table that only one key can contain follow under that key."""
+    """A row for each key. If an inner table can occur under one key only, its keys replace the row of that key."""
     rows: list[tuple[str, ...]] = []
     for name, key in keys.items():
         first = members_of(key.type)[0]

@@ -31,7 +31,7 @@ ERROR_ASSUMED = "this assumes |e| <= nu_0/sqrt(Gamma), which is not proven for t
 
 OUTSIDE_THE_SET = "theta outside the known set"
 
-THE_CASE_S = Assumption("theta and the input's gain are the case's")
+THE_CASE_S = Assumption("theta and the input gain are those given in the case")
 """This holds by construction of a sampled linear loop, whose bounds are for no other plant of the known set."""
 
 START_TOGETHER = Assumption("x_m(0) = x(0), and the predictor also starts there")
@@ -76,8 +76,8 @@ def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assu
     return Assumption(sentence, ", ".join(dict.fromkeys(word for word, _ in listed)), theorems.joined(t for _, t in listed))
 
 
-NO_FAULTS = Assumption("every sample arrives as it was measured", "the case has faults, see the notes")
-EVERY_SAMPLE = Assumption("the shell uses every sample", "the shell may reject samples, see the notes")
+NO_FAULTS = Assumption("every sample arrives as it was measured", "the case has faults; see the notes")
+EVERY_SAMPLE = Assumption("the shell uses every sample", "the shell may reject samples; see the notes")
 WHOLE_RANGES = Assumption(
     "the known set contains every theta that the parameters' ranges allow",
     "the parameter ranges exceed the set given in the case; see the notes",

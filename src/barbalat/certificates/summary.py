@@ -195,7 +195,7 @@ def _text_of(span: list[float]) -> str:
     return " to ".join(f"{value:.{digits}g}" for value, digits in zip(span, (3, 2), strict=False))
 
 
-NOT_THE_PLANT = "the simulated plant differs from the design's, see the notes"
+NOT_THE_PLANT = "the simulated plant differs from the design's; see the notes"
 """The note on a guarantee that holds only for the design."""
 
 

@@ -25,8 +25,8 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--to", metavar="PATH",
-        help="parameters of the case file, such as plant.theta[0] or controller[0].gamma; default: all nonzero ones of the loop. "
-        "The screen omits definitions, such as the 1 in x1' = x2",
+        help="parameters of the case file, such as plant.theta[0] or controller[0].gamma; default: all nonzero parameters of the "
+        "loop. The screen omits definitions, such as the 1 in x1' = x2",
     )  # fmt: skip
     add_list(parser, "--controller", metavar="NAME", help="names of the controllers; default: all")
     parser.add_argument(

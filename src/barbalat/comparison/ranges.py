@@ -78,7 +78,7 @@ class Space:
         return tuple(self.ranges)
 
     def rows(self, shares: Array) -> Array:
-        """Return numbers (K, d) for fractions of each range."""
+        """Return the numbers (K, d) that correspond to these fractions of each range."""
         return np.column_stack([one.at(shares[:, i]) for i, one in enumerate(self.ranges.values())])
 
     def shares(self, row: Array) -> Array | None:

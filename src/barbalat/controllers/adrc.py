@@ -154,11 +154,11 @@ class Adrc(Scheme):
     output     c, (n,): the extended-state observer of order n + 1 then measures only c'x, as in the textbooks. By default the
                whole state is measured, and only the disturbance is observed: f_hat = omega_o/(s + omega_o) [f]
     nominal    theta_0, (n,), or (n m,) with m inputs: the parameters that the observer assumes; zero by default, so it uses the
-               model's A_m. For the textbooks' chain of integrators, give the theta_0 with which A is such a chain
+               model's A_m. For the textbook chain of integrators, give the theta_0 with which A is such a chain
     b_0        the assumed effectiveness of the input, > 0; 1 by default
     saturated_predictor  against windup: the observer receives sat(u); off by default
 
-    The textbooks' bandwidth of the state feedback, omega_c, is that of the reference model.
+    The textbook bandwidth of the state feedback, omega_c, is that of the reference model.
 
     Source: Gao, Scaling and bandwidth-parameterization based controller tuning, ACC 2003; Han, From PID to active disturbance
     rejection control, IEEE Trans. Industrial Electronics 56(3), 2009.

@@ -56,8 +56,8 @@ def drawn_by(path: FieldPath, signals: Sequence[Signal]) -> tuple[int, list[Key]
 
 
 def seeds(faults: Sequence[Fault]) -> Iterator[Number]:
-    """Yield the seeds of the faults with the values of their sliders, except seeds that the numbers of a page cannot
-    represent."""
+    """Yield the seeds of the faults with their slider values, except seeds that are too large for a page's numbers to represent
+    exactly."""
     for i, fault in enumerate(faults):
         drawn = fault.share is not None or isinstance(fault, (Spike, Jitter))
         if drawn and fault.seed <= LARGEST_EXACT_SEED:

@@ -23,8 +23,8 @@ FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
 
 
 def require_compiler(purpose: str = "the exported C must run on this machine", remedy: str = "") -> list[str]:
-    """The command of a C compiler, from CC if that is set; raises InputError, stating the purpose, if this machine has no
-    compiler."""
+    """The C compiler command, taken from CC if that is set; raises InputError, stating what it is needed for, if no compiler is
+    found on this machine."""
     chosen = _chosen()
     names = [chosen[0]] if chosen else list(COMPILERS)
     found = next(filter(None, map(shutil.which, names)), None)

@@ -1,1 +1,1 @@
-"""Derivatives of a run's metrics with respect to the numbers of its case, checked by differences."""
+"""Derivatives of a run's metrics with respect to the numbers in its case, checked by finite differences."""

@@ -1,4 +1,4 @@
-"""Computes how the metrics of a run depend on the numbers of its case: derivatives by tangents, checked by differences."""
+"""Computes how the metrics of a run depend on the numbers in its case: derivatives by tangents, checked by finite differences."""
 
 from __future__ import annotations
 

@@ -243,9 +243,9 @@ class Identification:
             held = f", and predicts {worse} worse than holding the state from the last restart does" if worse else ""
             said.append(
                 f"{before}the nominal plant does not explain the {where} (fit of {self._told(wrong)}; at least "
-                f"{100 * LEAST_FIT:.0f} % is needed){held}. The ranges describe no plant, so do not trust a case file with "
-                f"them. Perhaps the outputs are not the whole state (encoders do not measure the rates, which are also "
-                f"needed), or the plant is not linear or accumulates disturbances"
+                f"{100 * LEAST_FIT:.0f} % is needed){held}. The ranges do not describe any real plant, so do not trust a "
+                f"case file with them. Perhaps the outputs are not the whole state (encoders do not measure the rates, which are "
+                f"also needed), or the plant is not linear or accumulates disturbances"
             )
         if noisy:
             said.append(

@@ -402,7 +402,7 @@ class ClosedLoop:
         state, given = self.unpack(flat), self.signals.named(signals)
         u, y = self._control(state, given), self._output(state, given)
         e = (y - self.model.output(state.x_m)).reshape(-1)
-        x = state.x if self.measured_outputs else y  # for a truth with more states, the states of the design plant
+        x = state.x if self.measured_outputs else y  # for a truth model with more states, the states of the design plant
         y = y.reshape(-1)[: self.measured_outputs]
         x_m = state.x_m if self.baseline is None else self.model.output(state.x_m)
         return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), x, x_m, y)

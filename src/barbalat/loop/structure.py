@@ -98,7 +98,7 @@ _VALUES: dict[type, Callable[[Any], tuple[Any, ...]]] = {}
 
 
 def same_names(part: Any, other: Any) -> bool:
-    """Whether two objects of one class, both with parts or both without, have parts with the same names."""
+    """Whether two objects of the same class, both with or both without parts, have parts with the same names."""
     if _field_names(type(part)) is not None:
         return True
     parts, others = parts_of(part), parts_of(other)

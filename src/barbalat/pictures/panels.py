@@ -112,7 +112,7 @@ def chosen(panels: Sequence[Panel], names: str | Iterable[str]) -> list[Panel]:
 
 
 def text_of(name: str) -> str:
-    """Return a name as a plot shows it: γ 10⁶ for gamma 1e6, without Matplotlib's mathematics and short enough for a label."""
+    """Return a name as a plot shows it: γ 10⁶ for gamma 1e6, without Matplotlib's math markup and short enough for a label."""
     name = in_symbols(name)
     short = name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"
     return as_typed(short)

@@ -63,7 +63,7 @@ _MATHTEXT = re.compile(r"\\hat\{\\?(?P<hat>\w+)\}|\\(?P<name>[a-zA-Z]+)|_\{(?P<i
 
 
 def without_mathtext(text: str) -> str:
-    """Return a picture's text with its formulas as plain text: x₁ and θ̂₁ instead of Matplotlib's mathematics."""
+    """Return a picture's text with its formulas as plain text: x₁ and θ̂₁ instead of Matplotlib's math markup."""
 
     def plain(found: re.Match[str]) -> str:
         if found["hat"]:

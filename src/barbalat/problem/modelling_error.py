@@ -24,8 +24,8 @@ class ModellingError(Protocol):
         ...
 
     def allowed(self, w: Array, gain: Array) -> Array:
-        """Return, for each frequency (K,), the size up to which |Delta_m(j w)| gain < 1, which also holds for all smaller
-        sizes."""
+        """Return, for each frequency (K,), the size below which |Delta_m(j w)| gain < 1; the inequality holds for every smaller
+        size."""
         ...
 
     def limit(self, loop: StateSpace) -> float:

@@ -1,4 +1,4 @@
-"""Writes the files of the commands: pictures, pages, JSON and trajectories."""
+"""Writes the commands' output files: pictures, pages, JSON and trajectories."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def worst(name, key, x0, t_end, dt=5e-4):
 def test_the_worst_signals_attain_them_and_none_exceeds_them(name, key):
     found, column = certified(problem_of(), CONTROLLERS[name])
     bound = found.values[key]
-    assert {*OF_CONTINUOUS_LOOPS} <= found.guaranteed and "theta and the input's gain are the case's" in found.entry(
+    assert {*OF_CONTINUOUS_LOOPS} <= found.guaranteed and "theta and the input gain are those given in the case" in found.entry(
         key
     ).assumptions
     assert 1 <= bound / worst(name, key, np.zeros(2), 15.0) < 1.002
@@ -240,7 +240,7 @@ def test_a_bound_over_the_whole_known_set_is_kept():
     found, _ = certified(problem, CONTROLLERS["adrc"])
     alone, _ = certified(replace(problem, uncertainty=None), CONTROLLERS["adrc"])
     assert "theta lies in the known set" in found.entry("error_bound").assumptions
-    assert "theta and the input's gain are the case's" in alone.entry("error_bound").assumptions
+    assert "theta and the input gain are those given in the case" in alone.entry("error_bound").assumptions
     assert alone.values["error_bound"] < found.values["error_bound"]
     assert found.values["state_bound"] == alone.values["state_bound"]
 

@@ -75,7 +75,7 @@ def test_bounds_over_the_set_assume_the_gain_that_the_controller_takes(controlle
     other = certify(off, [controller], SIMULATION)[controller.name]
     assert (
         other.entry("error_bound").applies
-        and "theta and the input's gain are the case's" in other.entry("error_bound").assumptions
+        and "theta and the input gain are those given in the case" in other.entry("error_bound").assumptions
     )
     assert any("for the case's input gain, not for all of" in note for note in other.notes)
 

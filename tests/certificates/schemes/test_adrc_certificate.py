@@ -91,7 +91,7 @@ def test_a_wrong_gain_leaves_the_margins_and_the_bound_of_the_case_s_loop_alone(
     problem = replace(problems[2], plant=replace(problems[2].plant, theta=[0.1, 0.1], input=PlantInput(gain=0.8)))
     found, column = certified(problem, Adrc(bandwidth=60.0))
     assert "b_0 = 1 is assumed" in found.entry("error_bound_worst").why
-    assert "theta and the input's gain are the case's" in found.entry("error_bound").assumptions
+    assert "theta and the input gain are those given in the case" in found.entry("error_bound").assumptions
     assert (
         "for every r and d within the case's bounds, with the case's theta and input gain only" in column.cells["stability"].text
     )

@@ -64,7 +64,7 @@ def fast_adaptation_on(A: Array, b: Array, C: StateSpace, A_m: Array, b_m: Array
 def open_jacobians(loop: ClosedLoop, given_input: Callable[[Value, Value], tuple[Value, Value]]) -> Any:
     """A, B and C of a loop opened at one input v, as a function of its flat state and v.
 
-    given_input  from state and v to the state's rate and to the scalar output
+    given_input  maps the state and v to the state derivative and the scalar output
     """
     import casadi as ca
 

@@ -426,7 +426,7 @@ def is_positive(den: Any) -> bool:
 def _require_positive_denominators(reading: Reading, *more: Rational) -> None:
     if not all(is_positive(one.den) for one in (*reading.rates.values(), *reading.control, *reading.regressor, *more)):
         raise Refused(
-            "a denominator is not shown to be positive: it must be a positive number plus even powers, such as 1 + phi'phi"
+            "a denominator could not be shown to be positive: it must be a positive number plus even powers, such as 1 + phi'phi"
         )
 
 

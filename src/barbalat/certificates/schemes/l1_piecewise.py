@@ -215,7 +215,7 @@ def rests_on(problem: Problem) -> tuple[Assumption, ...]:
     """The assumptions of the guarantees, which use the theta of the case and need no known set."""
     nonlinear = "" if problem.plant.is_linear else "phi(x) is not x"
     start = Assumption("predictor and reference system start at x(0), the filter at rest")
-    linear = Assumption("phi(x) = x, and theta is the case's", nonlinear)
+    linear = Assumption("phi(x) = x, and theta is the one given in the case", nonlinear)
     plant = exact_plant(problem), undisturbed(problem), measured(problem), bounded_command(problem)
     return of_linear_loop(*plant, start, linear)
 

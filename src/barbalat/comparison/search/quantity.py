@@ -153,8 +153,8 @@ class TunedQuantity:
         lacking = [name for name in certificates if name not in having]
         if having and lacking:
             raise InputError(
-                f"certify has {validate.show(self.key)} only for {_listed(having)}, not for {_listed(lacking)}"
-                ": select the controller to tune with --controller"
+                f"certify reports {validate.show(self.key)} only for {_listed(having)}, not for {_listed(lacking)}"
+                ": use --controller to select the controller to tune"
             )
         if lacking:
             known = (*FIGURE_NAMES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))

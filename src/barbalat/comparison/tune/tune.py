@@ -217,7 +217,7 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[
     own = {place for place in places if isinstance(place, int)}
     if controller is None and None in places and len(names) > 1 and len(own) != 1:
         raise InputError(
-            f"select the controller to tune with --controller ({', '.join(names)}): --vary names parameters of several "
+            f"use --controller to select the controller to tune ({', '.join(names)}): --vary names parameters of several "
             f"controllers"
         )
     if None in places or controller is not None:

@@ -22,8 +22,8 @@ FloatMatrix = NDArray[np.float64]
 # float64 matrix this close to the axis (2^-4096 relative) counts as being on it.
 _SPECTRUM_BITS = 64
 _SPECTRUM_BITS_LIMIT = 4096
-# Number of bits of the largest entry in units of the last bit of the smallest entry: 160 if the entries are 1e30 apart. The roots
-# of a cubic whose coefficients have 800 bits take eight seconds.
+# Number of bits of the largest entry in units of the last bit of the smallest entry: 160 if the entries differ by a factor of
+# 1e30. The roots of a cubic whose coefficients have 800 bits take eight seconds.
 _WIDEST_ENTRIES = 400
 
 

@@ -106,9 +106,9 @@ STATEMENTS = (
         "in addition to Section V, in which no measurement is lost",
         "Sampled schemes tolerate the loss of a tenth of their measurements if each miss freezes the estimates and holds the "
         "last control",
-        "with a tenth lost one by one, no component of e exceeds twice its largest value without losses, for any scheme and in "
-        "any draw",
-        "the same holds with a tenth lost in bursts of ten samples",
+        "when a tenth of the samples are lost, one at a time, no component of e exceeds twice the largest value it has without "
+        "losses, for any scheme or draw",
+        "the same holds when a tenth of the samples are lost in bursts of ten",
         equation=f"(3) to (8); {MENDED}, (15)",
     ),
     _ours(

@@ -192,8 +192,8 @@ class Batch:
         return groups
 
     def resumed(self, state: Array) -> Group:
-        """The single member, starting from this state (size,) with an empty delay. With a delay this is possible only at t =
-        0."""
+        """The single member, starting from this state (size,) with an empty delay buffer. With a delay this is possible only
+        at t = 0."""
         (group,) = self.groups
         past = None if group.past is None else Rings(group.past.lags, group.past.history)
         return replace(group, state=np.vstack([state[:, None], *self._unjudged(1)]), past=past, recorded=[])

@@ -465,7 +465,7 @@ class Nodes:
             self.recorded[-1] = self.motion.x
 
     def _observed(self, written: Array, states: int) -> tuple[Array, ...]:
-        """The nodes of these steps in their stored form: each step's start is included, and its end if it ends a piece.
+        """The nodes of these steps in stored form: the start of each step, and also its end if the step is the last of a piece.
 
         At the end of a piece a signal or the state may jump, so the end is a node just before the beginning of the next piece.
         """

@@ -119,8 +119,9 @@ def listing(found: Sequence[Fronts]) -> Listing:
                 error, delay = one.l1.reached[best, 0], -one.l1.reached[best, 1 + list(CRITERIA).index(criterion)]
                 rows.append((one.command, criterion, one.l1.tunings[best], short(error), short(delay), short(ratios[best])))
     return Listing(
-        "For each filter, the tuning of L1-AC that is furthest ahead of the MRAC tunings with no larger RMS error: its delay "
-        "[s] divided by theirs. If this ratio is below 1, MRAC matches every tuning with that filter",
+        "For each filter, the L1-AC tuning with the largest advantage in delay over the MRAC tunings whose RMS error is no "
+        "larger: its delay divided by the longest of theirs. If this ratio is below 1, MRAC matches every tuning with that "
+        "filter",
         ("command", "criterion", "tuning of L1-AC", "RMS |e|", "delay [s]", "over MRAC's"),
         tuple(rows),
     )

@@ -151,12 +151,12 @@ def small_tau() -> list[Claim]:
     may_fail = Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(bool(diverged.any()), f"diverges up to tau = {observed:.3g} s"),
+            sentence.reads(bool(diverged.any()), f"diverges for tau up to {observed:.3g} s"),
             Reading("the limit is the solver's: h/tau on the real axis, to within a "
             "quarter", 0.8 < observed / predicted < 1.25, f"predicted {predicted:.3g} s", "beside"),
         ),
         shows=f"At h = 1e-4 s RK4 diverges for tau up to {observed:.3g} s; its stability limit predicts {predicted:.3g} s.",
-        measured=        f"RK4 diverges up to tau = {observed:.3g} s; h/tau = {RK4.real_limit:.3f} predicts {predicted:.3g} s",
+        measured=        f"RK4 diverges for tau up to {observed:.3g} s; h/tau = {RK4.real_limit:.3f} predicts {predicted:.3g} s",
         how=SMALL_TAUS,
         listings=(
             table(

@@ -137,7 +137,7 @@ def _shows_them(row: StiffRow, gain: StiffSetting) -> bool:
 
 
 def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
-    """Return the readings on codes that choose their steps. The runs with a tight tolerance extend beyond the start of the
+    """Return the readings obtained with adaptive-step solvers. The runs with a tight tolerance extend beyond the start of the
     phenomenon and the first second at a bound; others have a loose tolerance."""
     right, failing = PAPER_SETTING.right, _failing(tried)
     return (

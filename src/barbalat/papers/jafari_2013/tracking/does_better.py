@@ -171,14 +171,14 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
             Reading("no disturbance acts, and L1-AC has the paper's filter (6)", beats_both == half, f"one beats {beats_both} of "
             f"{half}; these are two conditions, but a weaker reading may have only one", "beside"),
             Reading(
-                "some tuning of the robust MRAC is better than L1-AC of Section V, which is not tuned, in each of the five "
-                "objectives, by more than a tenth",
+                "some tuning of the robust MRAC is better than the L1-AC of Section V, which is not tuned, in each of the "
+                "five objectives, by more than a tenth",
                 bool(least > BETTER_FACTOR),
                 f"{int((times > BETTER_FACTOR).all(axis=1).sum())} of {count} are; {told}",
                 "beside",
             ),
             Reading(
-                "no tuning of L1-AC is better than L1-AC of Section V in this way",
+                "no tuning of L1-AC is better than the L1-AC of Section V in this way",
                 not better_too.any(),
                 f"{int(better_too.sum())} of {count} are, {int(better_too[:half].sum())} of {half} with (6). The best of "
                 f"them has a smallest factor of {least_of_l1:.2f}, or {least_with_6:.2f} with (6); the best robust MRAC has "
