@@ -109,7 +109,7 @@ class Unbounded(Twice):
 def test_a_leakage_from_outside_is_tolerated_for_what_it_answers():
     assert Gradient(1.0, leakage=Unbounded(0.1)).leakage is not None
     assert LeastSquaresResetting(rho_0=2.0, rho_1=1.0, leakage=Twice(0.1)).leakage is not None
-    assert "FixedSigma or SwitchingSigma can" in refusal(
+    assert "use FixedSigma or SwitchingSigma instead" in refusal(
         lambda: LeastSquaresResetting(rho_0=2.0, rho_1=1.0, leakage=Unbounded(0.1))
     )
     assert "SwitchingSigma can" in refusal(lambda: LeastSquares(1.0, leakage=Twice(0.1)))
