@@ -112,5 +112,5 @@ def test_a_leakage_from_outside_is_tolerated_for_what_it_answers():
     assert "use FixedSigma or SwitchingSigma instead" in refusal(
         lambda: LeastSquaresResetting(rho_0=2.0, rho_1=1.0, leakage=Unbounded(0.1))
     )
-    assert "SwitchingSigma can" in refusal(lambda: LeastSquares(1.0, leakage=Twice(0.1)))
+    assert "use SwitchingSigma instead" in refusal(lambda: LeastSquares(1.0, leakage=Twice(0.1)))
     assert "leakage must be" in refusal(lambda: Gradient(1.0, leakage=FixedSigma))
