@@ -212,8 +212,11 @@ def _smooth(problem: Problem) -> Assumption:
 
 
 def _never_limited(problem: Problem) -> Assumption:
-    limited = any(path.saturation is not None for path in problem.plant.paths)
-    return Assumption("u has no limits", "Gaussian noise may drive u beyond its limits" if limited else "", theorems.LIMITS)
+    gaussian = problem.noise is not None and problem.noise.bound is None
+    limited = gaussian and any(path.saturation is not None for path in problem.plant.paths)
+    return Assumption(
+        "noise never drives u to its limits", "Gaussian noise may drive u beyond its limits" if limited else "", theorems.LIMITS
+    )
 
 
 def _listed(words: list[tuple[str, bool]]) -> str:
