@@ -1436,12 +1436,19 @@ class SampledLoop:
         for k, entry in enumerate([*wanted, *({row: E[row, i] for row in range(self.s)} for i in converted)]):
             entries = fmpq_mat([[entry.get(row, fmpq(0))] for row in range(self.s)])
             near("a disturbance or a converter", matrix(facts["B"]), range(self.s), [k], entries)
+        sensor, lagged = case.facts["sensor"], facts["rows"]["sensor"]
+        C = identity(self.n) if sensor is None else matrix(sensor["reads"], None, self.n)
+        lag, seen = fmpq(0) if sensor is None else number(sensor["lag"]), lagged or x
+        require(len(lagged) == (C.nrows() if lag > 0 else 0), "a lag needs a state for each measured quantity")
+        if lag > 0:
+            away = [k for k in range(self.s) if k not in (*x, *lagged)]
+            near("the sensor", A, lagged, [*x, *lagged], blocks([[C, -identity(C.nrows())]]) * (1 / lag))
+            near("the sensor", A, lagged, away)
+            near("the sensor", J, lagged, range(self.s), fmpq_mat([one.tolist()[row] for row in lagged]))
+            near("the sensor", free, lagged, [0], C * case.x0)
+            near("the sensor", E, lagged, inputs)
         if count := len(case.measurement_errors()):
-            sensor, lagged = case.facts["sensor"], facts["rows"]["sensor"]
-            C, lag, seen = matrix(sensor["reads"], count, self.n), number(sensor["lag"]), lagged or x
-            require(len(lagged) == (count if lag > 0 else 0), "a lag needs a state for each measured quantity")
-            if lag > 0:
-                near("the sensor", A, lagged, [*x, *lagged], blocks([[C, -identity(count)]]) * (1 / lag))
+            require(count == C.nrows(), "each measured quantity has an error")
             own = [*x, *x_m, *r, *lagged]
             others = [row for row in range(self.s) if row not in own]
             jump = fmpq_mat([[J[row, at] for at in seen] for row in others])
@@ -1699,6 +1706,18 @@ def steepest(signal: dict[str, Any]) -> fmpq:
     return sum((abs(size * frequency) for size, frequency in ways), fmpq(0)) * (1 - ROUNDING)
 
 
+def require_jumps(signal: dict[str, Any], T: fmpq, jump: fmpq, apart: fmpq | None) -> None:
+    """Require that jumps of a square wave are not larger and not closer than stated, unless all of them are at samples."""
+    if signal["kind"] != "square":
+        return
+    half = arb.pi() / arb(number(signal["frequencies"][0]))
+    begin = arb(number(signal["phases"][0])) / arb.pi() * half
+    if all(abs(one / arb(T) - (one / arb(T)).mid().floor() - arb("0.5")) > arb("0.5") - arb(ROUNDING) for one in (half, begin)):
+        return
+    require(jump >= 2 * abs(number(signal["amplitudes"][0])) * (1 - ROUNDING), "the jumps of the square wave are larger")
+    require(apart is None or bool(arb(apart) <= half * arb(1 + ROUNDING)), "the jumps of the square wave are closer")
+
+
 def of_sampled_loop(c: Controller) -> arb:
     """The bound with the model's motion between samples added."""
     total: arb = c.earlier("sampled")["error_bound_held"]
@@ -1716,6 +1735,7 @@ def of_sampled_loop(c: Controller) -> arb:
                 f"up to t_end command {j + 1} has a slope of at most {text(slope)}{said or ' and no jump between samples'}"
             ] = None
             require(slope >= steepest(c.case.facts["reference"][j]) and jump >= 0, "a command must not be steeper than stated")
+            require_jumps(c.case.facts["reference"][j], number(c.fact("sampled")["T"]), jump, apart)
             require(jump == 0 or apart is None or arb(apart) > T, "jumps must be more than a sample apart")
             of_next = arb(0) if apart is None else whole / (arb(apart) - T)
             found = found.min(whole * arb(slope) * T + arb(jump) * T * (rate + of_next) if jump != 0 else whole * arb(slope) * T)
@@ -2114,6 +2134,8 @@ def said_of(key: str, value: Any) -> str:
 def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
     """Sentences on the accepted claims of each controller, and the assumptions. Refused names the first line that fails."""
     require(document.get("format") == FORMAT, f"the file is not a {FORMAT}")
+    parts = {"format", "case", "only if", "plant", "controllers"}
+    require(document.keys() == parts, f"the file must contain: {', '.join(sorted(parts))}")
     said, assumed = [f"case: {document['case']}"], dict[str, None]()
     with ctx.workprec(256):
         for name, facts in document["controllers"].items():

@@ -367,6 +367,28 @@ def test_the_slope_of_a_sine_follows_from_its_numbers():
     refused(document, "a command must not be steeper than stated")
 
 
+def test_the_lag_of_the_sensor_and_the_jumps_of_a_square_wave_follow_from_the_file():
+    square = Square(amplitude=0.5, frequency=0.7)
+    problem, simulation = problem_of("delay", reference=square, sensor=Sensor(lag=0.02)), Simulation(t_end=T_END, dt=DT)
+    found = certify(problem, [CONTROLLERS["known"]], simulation)
+    document = json.loads(json.dumps(proof("a case", problem, [CONTROLLERS["known"]], simulation, found)))
+    barbalat_check.check(document)
+    plant = document["plant"]
+    for sensor in (None, plant["sensor"] | {"lag": 0.2}, plant["sensor"] | {"lag": 0.0}):
+        refused(document | {"plant": plant | {"sensor": sensor}}, "the sensor|a lag needs a state")
+    (controller,) = document["controllers"].values()
+    sampled, between = controller["facts"]["sampled"], controller["facts"]["between"][0]
+    row = sampled["rows"]["sensor"][0]
+    for matrix in ("J", "A", "free"):
+        right = sampled[matrix][row][-1]
+        sampled[matrix][row][-1] = right + 0.5
+        refused(document, "the sensor")
+        sampled[matrix][row][-1] = right
+    for change in ({"jump": 0.0}, {"jump": between["jump"] / 2}, {"apart": 2 * between["apart"]}):
+        controller["facts"]["between"] = [between | change]
+        refused(document, "the jumps of the square wave")
+
+
 def at_rest_with_noise(path, period, **fields):
     noise = Noise(std=[0.01, 0.03], sample_time=period)
     problem = problem_of(path, reference=Constant(0.0), sensor=Sensor(lag=0.02, noise=noise), **fields)
