@@ -235,7 +235,7 @@ def bernstein_matrix(_: int) -> arb_mat:
 
 PLANT_FACTS = {
     "A_m", "b", "k_0", "theta", "x0", "gain", "input_gain", "regressor", "uncertainty", "inputs", "disturbance", "unmatched",
-    "unmatched_ranges", "sensor", "noise", "baseline", "reference",
+    "unmatched_ranges", "sensor", "noise", "baseline", "reference", "states",
 }  # fmt: skip
 OUTPUT_FACTS = {"kind", "inputs", "reference", "noise", "disturbance", "output_disturbance"}
 
@@ -1660,6 +1660,8 @@ def _linear_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
     quiet = c.case.facts["noise"] is None and not c.case.measurement_errors()
     require(quiet, "a measurement without noise and quantisation is needed")
     c.case.require_no("quantization", "rate_limit")
+    require("sample_time" not in c.facts, "the controller must act continuously")
+    require(c.fact("linear loop")["states"] == c.case.facts["states"], "e and x must contain every state of the plant")
     A, B, start, outputs = linear_loop(c)
     found, witness = dict[str, arb](), line["witness"]
     for name in outputs.keys() & witness.keys():

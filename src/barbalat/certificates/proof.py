@@ -409,6 +409,7 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
         "k_0": np.reshape(known.k_0, (known.inputs, -1)).tolist(),
         "theta": plant.theta.tolist(),
         "x0": np.asarray(plant.x0).tolist(),
+        "states": plant.states,
         "gain": [float(path.gain) for path in plant.paths],
         "input_gain": None if known.gains is None else {"lower": known.gains.lower.tolist(), "upper": known.gains.upper.tolist()},
         "regressor": _regressor(plant.regressor),

@@ -208,6 +208,11 @@ def test_a_baseline_with_states_and_two_inputs_have_them_too(name):
         ({"path": PlantInput(quantization=0.01)}, "a converter", "a limited input"),
         ({"path": PlantInput(saturation=[-0.5, 9.0])}, "beyond its limits", "an invariant set of the linear loop"),
         ({"sensor": Sensor(noise=Noise(std=0.01, sample_time=0.01))}, "Gaussian measurement", "Gaussian noise has no bound"),
+        (
+            {"sensor": Sensor(noise=Noise(std=0.01, sample_time=0.01, bound=0.02))},
+            "only controllers with a sample_time",
+            "the linear loop with its actuator, sensor",
+        ),
     ],
 )
 def test_they_vanish_with_their_reason(fields, why, theorem):
@@ -312,6 +317,8 @@ def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name):
     refused(
         changed((*facts, "x"), true["controllers"][CONTROLLERS[name].name]["facts"]["linear loop"]["x_m"]), "rows of their own"
     )
+    refused(changed((*facts, "states"), 1), "every state of the plant")
+    refused(changed(("facts", "sample_time"), 0.01), "must act continuously")
     refused(changed((*facts, "A"), lambda rows: (np.array(rows) * 1.05).tolist()), "must be at least|A'P")
 
 

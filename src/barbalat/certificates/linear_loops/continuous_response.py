@@ -11,7 +11,7 @@ h tends to zero, so |h_i(t)| is at most |h_i(0)| plus the variation of h_i befor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,7 +78,7 @@ class LinearLoop:
 def loop_of(problem: Problem, controller: Controller) -> LinearLoop:
     """The loop without limits, by the exact Jacobians of its equations; raises InputError if it is not linear and
     time-invariant."""
-    closed = without_limits(ClosedLoop.of(problem, controller))
+    closed = replace(without_limits(ClosedLoop.of(problem, controller)), noise_bound=None)
     if closed.clocked:
         raise InputError("the plant depends on time, but the theorem holds only for time-invariant plants")
     start, signals = np.asarray(closed.initial(), dtype=float), np.zeros(closed.signal_count)
