@@ -327,12 +327,12 @@ def test_bounds_hold_with_a_quantised_sensor_and_bounded_noise_and_the_checker_d
     sensor, (path,) = plant["sensor"], plant["inputs"]
     for change in (
         {"noise": "Noise"},
-        {"noise": [0.05] * len(plant["noise"])},
+        {"noise": [0.5] * len(plant["noise"])},  # well beyond the reserve of the package's bounds
         {"noise": [0.03]} if observer is None else {"noise": [0.03, 0.03]},
-        {"sensor": sensor | {"quantization": [0.08] * len(sensor["quantization"])}},
+        {"sensor": sensor | {"quantization": [0.8] * len(sensor["quantization"])}},
         {"sensor": sensor | {"lag": lag + 0.01}},
         {"sensor": sensor | {"reads": (1.1 * np.array(sensor["reads"])).tolist()}} if lag == 0 else {"sensor": None},
-        {"inputs": [path | {"quantization": 0.2}]},
+        {"inputs": [path | {"quantization": 2.0}]},
         {"inputs": [path | {"quantization": None}]},
     ):
         refused(document | {"plant": plant | change}, "sampled response|_bound")
