@@ -1635,8 +1635,10 @@ def linear_loop(c: Controller) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, dict[str, 
     whole = k == n or (case.facts["baseline"] is not None and 1 <= k < n)
     require(placed and whole, "x and x_m need rows of their own")
     for j, path in enumerate(case.facts["inputs"]):
+        direct = [case.gain[j] * one for one in u[j]]
         if path["actuator"] is None and path["multiplicative"] is None:
-            v[j] = [case.gain[j] * one for one in u[j]]
+            v[j] = direct
+        require(path["actuator"] is None or v[j] != direct, "an actuator of the input must be in the loop")
     x, x_m = (fmpq_mat([[fmpq(int(i == j)) for j in range(N + w)] for i in f[name]]) for name in ("x", "x_m"))
     pulled = fmpq_mat(v) + fmpq_mat([case.theta[j :: case.m] for j in range(case.m)]) * x
     on_x = blocks([[zeros(n, N), case.enters, *(column(one) for one, _ in acting)]])

@@ -143,7 +143,7 @@ def _of_controller(
         if isinstance(own, NotApplicable):
             return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {own.why}" for one in claimed]}
         facts, witnesses = own.facts, own.witnesses
-    elif isinstance(problem, Problem) and any(is_for_the_case(one) for one in claimed):
+    elif isinstance(problem, Problem) and any(one.key in OF_CONTINUOUS_LOOPS and is_for_the_case(one) for one in claimed):
         facts = {"scheme": LINEAR_LOOP}
         if isinstance(file, ProvenFile) and problem.fixed_observer is None:
             facts = file.grounds(problem, inner, simulation)
@@ -182,7 +182,7 @@ class _Lines:
             return self._add_norm(key)
         rests_on = (RESTS_ON | {"lyapunov": (), LINEAR_RESPONSE: ()} | BY_SCHEME.get(self.facts["scheme"], {})).get(key)
         entry = self.claimed.get(key)
-        if LINEAR_LOOP in self.facts and is_for_the_case(entry):
+        if LINEAR_LOOP in self.facts and key in OF_CONTINUOUS_LOOPS and is_for_the_case(entry):
             rests_on = (LINEAR_RESPONSE,)
         of_samples = "sample_time" in self.facts and entry is not None and not entry.quantity.timeless
         if rests_on is None or of_samples:
