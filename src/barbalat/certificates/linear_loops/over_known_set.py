@@ -165,16 +165,13 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
     )
 
 
-def add_sampled_at(
-    draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str, *, gain_estimated: bool = False
-) -> None:
-    """Add these margins for a loop that is given for each theta; ``which`` names the loop. The input gain is varied too, unless
-    its estimate, which is then the true one, divides u: the loop is the same for every gain."""
+def add_sampled_at(draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str) -> None:
+    """Add these margins for a loop that is given for each theta; ``which`` names the loop."""
     known_set, plant = problem.uncertainty, problem.plant
     if known_set is None or not _is_searched(problem):
         return
     gains = None
-    if problem.input_gain is not None and not gain_estimated:
+    if problem.input_gain is not None:
         low, high = np.ravel(problem.input_gain).tolist()
         gains = (low, high)
     with draft.part(MARGINS_KEY):

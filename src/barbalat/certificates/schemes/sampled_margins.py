@@ -59,8 +59,10 @@ def _add_frozen(draft: Draft, problem: TrackingProblem, still: SampledRest) -> N
     where = f", where {still.found.where}" if still.found.estimates else ""
     name = f"{FROZEN}{where}, broken at the plant input{in_the_loop(problem)}"
     stable = add_loop(draft, problem, still.with_estimates_frozen(), LINEAR_LOOP_ONLY, name, still.found)
-    if stable and still.ideal and isinstance(problem, Problem) and problem.plant.inputs == 1 and problem.plant.is_linear:
-        over_known_set.add_sampled_at(draft, problem, still.at, FROZEN, gain_estimated=True)
+    if not (stable and still.ideal and isinstance(problem, Problem) and problem.input_gain is None):
+        return
+    if problem.plant.inputs == 1 and problem.plant.is_linear:
+        over_known_set.add_sampled_at(draft, problem, still.at, FROZEN)
 
 
 def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled, adapting: frozenset[str]) -> None:
