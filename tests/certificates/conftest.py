@@ -19,7 +19,7 @@ from turns import once
 def no_searches(monkeypatch):
     """Leave out the searches over the known set and for the largest gain. They need most of a certificate's time, and no bound
     depends on them."""
-    for name in ("add_at_rest", "add_filtered", "add_fixed"):
+    for name in ("add_at_rest", "add_filtered", "add_fixed", "add_sampled_at"):
         monkeypatch.setattr(over_known_set, name, lambda *_, **__: None)
     monkeypatch.setattr(any_regressor, "of_lyapunov_law", lambda *_, **__: {})
 
