@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from flint import arb
 
 ROUNDED_SYSTEM = 1e-10
-"""Relative change of a norm that the rounding of the system's matrices is assumed not to exceed."""
+"""Relative change of a norm that the rounding of the system's matrices is assumed, not proven, to stay below."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.validate import Array, InputError
 
-TAIL_SHARE = 1e-3
+TAIL_SHARE = 2e-4
 """Fraction of the sum below which the tail is negligible for a bound."""
 MOST_SAMPLES = 4_000_000
 """Largest number of summed samples; a loop that decays more slowly has no bound."""
